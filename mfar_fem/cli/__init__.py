@@ -1,0 +1,1 @@
+"""The command line ``mfar``: one lazily loaded module a command group."""
