@@ -235,9 +235,9 @@ def cylinder(
 ) -> Pattern:
     """Patch of a cylinder about the y axis, normal outwards.
 
-    u = angle from +z towards +x (rad) in the range `angle`, v = y from 0 to `length` (m). Sides: ``left`` and ``right`` are the
-    generators at the low and the high angle, ``bottom`` and ``top`` the arcs at y = 0 and y = length. With `closed`
-    the range must be a full turn and there is neither ``left`` nor ``right``.
+    u = angle from +z towards +x (rad) in the range `angle`, v = y from 0 to `length` (m). Sides: ``left`` and
+    ``right`` are the generators at the low and the high angle, ``bottom`` and ``top`` the arcs at y = 0 and y =
+    length. With `closed` the range must be a full turn and there is neither ``left`` nor ``right``.
     """
     _positive(radius=radius, length=length)
 
@@ -264,8 +264,9 @@ def sphere(
 ) -> Pattern:
     """Patch of a sphere about the origin, normal outwards, poles excluded.
 
-    u = azimuth from +x towards +y (rad), v = latitude (rad) strictly between -pi/2 and pi/2. Sides: ``left`` and ``right`` are the
-    meridians at the low and high azimuth (absent when `closed`, a full turn), ``bottom`` and ``top`` the parallels.
+    u = azimuth from +x towards +y (rad), v = latitude (rad) strictly between -pi/2 and pi/2. Sides: ``left`` and
+    ``right`` are the meridians at the low and high azimuth (absent when `closed`, a full turn), ``bottom`` and
+    ``top`` the parallels.
     """
     _positive(radius=radius)
     if not (-np.pi / 2 < latitude[0] and latitude[1] < np.pi / 2):
