@@ -1,8 +1,8 @@
 """Quantities with units, as textile laboratories write them, converted to SI.
 
 Everything inside the code is SI. At the border (fabric files, data files, options) a quantity is a string:
-a number and a unit, ``"0.1046 mm"``, ``"105.6 g/m^2"``, ``"0.019 gf*cm^2/cm"`` (KES), ``"1.12 oz/yd^2"``, ``"19 momme"``,
-``"20 denier"``.
+a number and a unit, ``"0.1046 mm"``, ``"105.6 g/m^2"``, ``"0.019 gf*cm^2/cm"`` (KES), ``"1.12 oz/yd^2"``,
+``"19 momme"``, ``"20 denier"``.
 The `pint` library does the conversion; powers may be written ``cm^2``, ``cm**2``, ``cm2`` or ``cm²``, products ``*``,
 ``·`` or a space.
 
