@@ -1,0 +1,211 @@
+r"""The shell energy: membrane and bending of a Koiter shell with finite membrane strain.
+
+Unknowns are the deformed nodes ``x`` and, where bending is on, one rotation ``α`` at each edge point (one point an edge at order 1,
+two at order 2). Bending moments are eliminated in every element (Hellan–Herrmann–Johnson), so that
+
+.. math:: W = \int \Psi(C)\,dA + \tfrac12 \sum_T |R_T (c(x, α) - c_0)|^2
+
+is an energy of displacement-like unknowns only: symmetric tangent, no saddle point. Order 2 replaces the membrane strain by
+its Regge interpolant, which removes membrane locking.
+
+References
+----------
+1. M. Neunteufel, J. Schöberl, "The Hellan–Herrmann–Johnson method for nonlinear shells", Comput. Struct. 225 (2019) 106109,
+   doi 10.1016/j.compstruc.2019.106109.
+2. M. Neunteufel, J. Schöberl, "Avoiding membrane locking with Regge interpolation", Comput. Methods Appl. Mech. Engrg. 373
+   (2021) 113524, doi 10.1016/j.cma.2020.113524.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mfar_fem.shell.geometry import reference_geometry
+from mfar_fem.surface.mesh import Surface
+
+
+@dataclass(frozen=True)
+class State:
+    """A configuration: unknowns and the directors they are measured from.
+
+    Attributes
+    ----------
+    u : (n,) array
+        Deformed nodes, m, row by row, then the edge rotations α, rad: *minus* the rotation of the director about the edge
+        (from its low to its high vertex) since ``directors``.
+    directors : (na, 3) array
+        Unit directors of the edge points at the last accepted state (empty without bending).
+    """
+
+    u: np.ndarray
+    directors: np.ndarray
+
+    def with_u(self, u: np.ndarray) -> State:
+        """The same directors with other unknowns."""
+        return replace(self, u=u)
+
+
+class Shell:
+    """Membrane and bending energy of a surface made of a fabric.
+
+    Parameters
+    ----------
+    surface : Surface
+        Reference mid-surface; its order (1 or 2) is the order of the shell.
+    fabric : Fabric
+        Membrane law, thickness and bending stiffness; anything with ``law``, ``membrane_scale`` and ``bending``.
+    bending, membrane : bool
+        Which energies exist. Without bending there are no edge unknowns.
+    directors : (na, 3) array, optional
+        Directors of the reference where a support prescribes them.
+    """
+
+    def __init__(self, surface: Surface, fabric, bending: bool = True, membrane: bool = True, directors=None):
+        self.surface, self.fabric = surface, fabric
+        self.with_bending, self.with_membrane = bending, membrane
+        self.geometry = reference_geometry(surface, fabric.bending.matrix if bending else None, directors)
+        nodes = 3 * surface.elements[:, :, None] + np.arange(3)
+        self.alpha_offset = 3 * len(surface.nodes)
+        self.n_alpha = len(self.geometry.directors)
+        self.n = self.alpha_offset + self.n_alpha
+        nodes = nodes.reshape(len(nodes), -1)
+        self.element_dofs = np.hstack([nodes, self.alpha_offset + self.geometry.edge_director]) if bending else nodes
+        t = self.geometry.tables
+        self._shape_tables = (t.dN, t.second, t.edge_dN, t.edge_ds)
+        self._no_alpha = np.zeros(max(self.n_alpha, 1))
+
+    # -- states ---------------------------------------------------------------------------------------------------------
+    def reference_state(self) -> State:
+        """The undeformed state."""
+        return State(np.concatenate([self.surface.nodes.ravel(), np.zeros(self.n_alpha)]), self.geometry.directors)
+
+    def positions(self, state: State) -> np.ndarray:
+        """Deformed nodes (nn, 3), m."""
+        return state.u[: self.alpha_offset].reshape(-1, 3)
+
+    def alpha(self, state: State) -> np.ndarray:
+        """Edge rotations (na,), rad."""
+        return state.u[self.alpha_offset:]
+
+    def accept(self, state: State) -> State:
+        """The same configuration with its rotations moved into the directors (α becomes 0; no energy changes)."""
+        if not self.with_bending:
+            return state
+        t = self.edge_tangents(state)
+        d = state.directors - np.sum(state.directors * t, axis=1, keepdims=True) * t
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        alpha = self.alpha(state)[:, None]
+        directors = np.cos(alpha) * d - np.sin(alpha) * np.cross(t, d)
+        u = state.u.copy()
+        u[self.alpha_offset:] = 0.0
+        return State(u, directors)
+
+    def edge_tangents(self, state: State) -> np.ndarray:
+        """Unit tangents (na, 3) of the deformed edges at the edge points, from the low to the high vertex."""
+        x, s, t = self.positions(state), self.surface, self.geometry.tables
+        a, b = x[s.edges[:, 0]], x[s.edges[:, 1]]
+        if s.order == 1:
+            tangent = b - a
+        else:
+            mid = x[len(s.vertices):]
+            xi = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+            tangent = ((4 * xi - 3)[:, None] * a[:, None] + (4 * xi - 1)[:, None] * b[:, None]
+                       + (4 - 8 * xi)[:, None] * mid[:, None])
+            tangent = tangent.reshape(-1, 3)
+        assert len(tangent) == len(s.edges) * t.ng
+        return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+
+    # -- membrane -------------------------------------------------------------------------------------------------------
+    def right_cauchy_green(self, state: State) -> np.ndarray:
+        """C = [C11, C22, C12] in the warp/weft frame at the interior points, shape (nt, nq, 3)."""
+        from mfar_fem.shell import kernels
+
+        g, t = self.geometry, self.geometry.tables
+        C = np.empty((*g.area_weights.shape, 3))
+        kernels.strain(kernels.SHAPES[t.order], self.positions(state), self.surface.elements, t.edge_ds, t.mean,
+                       g.samples, t.interpolation, g.push, C)
+        return C
+
+    def law_response(self, state: State, order: int):
+        """Energy (nt, nq), stress (nt, nq, 3) and tangent (nt, nq, 3, 3) per reference area (N/m), as far as ``order`` asks."""
+        shape = self.geometry.area_weights.shape
+        scale = self.fabric.membrane_scale
+        W, S, D = self.fabric.law.evaluate(self.right_cauchy_green(state).reshape(-1, 3), order)
+        return (scale * W.reshape(shape), None if S is None else scale * S.reshape(*shape, 3),
+                None if D is None else scale * D.reshape(*shape, 3, 3))
+
+    # -- energy, gradient, tangent ------------------------------------------------------------------------------------------
+    def energies(self, state: State) -> tuple[float, float]:
+        """Membrane and bending energy, J; +inf where the state is inadmissible (locking, collapsed element)."""
+        membrane = bending = 0.0
+        if self.with_membrane:
+            membrane = float(np.sum(self.geometry.area_weights * self.law_response(state, 0)[0]))
+        if self.with_bending and np.isfinite(membrane):
+            bending = float(np.sum(self.bending_energy_by_element(state)))
+        return membrane, bending
+
+    def bending_energy_by_element(self, state: State) -> np.ndarray:
+        """Bending energy (nt,), J."""
+        from mfar_fem.shell import kernels
+
+        g = self.geometry
+        out = np.empty(len(self.surface.elements))
+        kernels.bending_energy(kernels.SHAPES[g.tables.order], self.positions(state), self.alpha(state), state.directors,
+                               self.surface.elements, g.edge_director, g.edge_sign, *self._shape_tables,
+                               g.R_interior, g.R_edge, g.c0_interior, g.c0_edge, out)
+        return out
+
+    def energy(self, state: State) -> float:
+        """Total energy, J."""
+        return sum(self.energies(state))
+
+    def gradient(self, state: State, out: np.ndarray) -> None:
+        """Add dW/du to ``out`` (n,): N for positions, N·m for rotations."""
+        self._assemble(state, out, np.zeros(0), np.zeros((1, 0), dtype=np.int32), exact=False, tangent=False)
+
+    def hessian(self, state: State, gradient: np.ndarray, data: np.ndarray, positions: np.ndarray, exact: bool) -> None:
+        """Add gradient and tangent in one pass.
+
+        Parameters
+        ----------
+        gradient : (n,) array
+        data, positions
+            Matrix data of a :class:`mfar_fem.assembly.Pattern` and the positions of this shell's element blocks.
+        exact : bool
+            True: second derivative of the energy; False: the positive semi-definite approximation of it.
+        """
+        self._assemble(state, gradient, data, positions, exact, tangent=True)
+
+    def _assemble(self, state, gradient, data, positions, exact, tangent):
+        from mfar_fem.shell import kernels
+
+        g, t = self.geometry, self.geometry.tables
+        if self.with_membrane:
+            _, S, D = self.law_response(state, 2 if tangent else 1)
+        else:
+            S = np.zeros((*g.area_weights.shape, 3))
+            D = None
+        if D is None:
+            D = np.zeros((1, 1, 3, 3)) if not tangent else np.zeros((*S.shape, 3))
+        if not tangent:
+            positions = np.zeros((1, 1), dtype=np.int32)
+        alpha = self.alpha(state) if self.with_bending else self._no_alpha
+        directors = state.directors if self.with_bending else np.zeros((1, 3))
+        kernels.assemble(kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements,
+                         g.edge_director, g.edge_sign, *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights,
+                         np.ascontiguousarray(S), np.ascontiguousarray(D), self.with_membrane, self.with_bending,
+                         g.R_interior, g.R_edge, g.c0_interior, g.c0_edge, exact, tangent, self.alpha_offset, positions,
+                         gradient, data)
+
+    # -- parameters -----------------------------------------------------------------------------------------------------------
+    def with_fabric(self, fabric) -> Shell:
+        """The same shell made of another fabric; the geometry is shared when only the membrane law changes."""
+        same = not self.with_bending or np.array_equal(fabric.bending.matrix, self.fabric.bending.matrix)
+        if not same:
+            return Shell(self.surface, fabric, self.with_bending, self.with_membrane, self.geometry.directors)
+        other = object.__new__(Shell)
+        other.__dict__.update(self.__dict__)
+        other.fabric = fabric
+        return other

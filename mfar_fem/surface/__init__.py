@@ -1,0 +1,5 @@
+"""The reference mid-surface: mesh, patterns, checks, files."""
+
+from mfar_fem.surface.mesh import Surface
+
+__all__ = ["Surface"]
