@@ -144,9 +144,11 @@ def parse(value, target: str, name: str | None = None, path=None, line: int | No
     if not unit and not free:
         raise fail(f"unit missing: write e.g. '{example}', not {value!r}")
     try:
-        return number * factor(unit, target)
+        scale = factor(unit, target)
     except DataFileError as error:
         raise fail(str(error)) from error
+    inverse = 1.0 / scale
+    return number / inverse if inverse.is_integer() else number * scale  # "0.226 mm" is 0.000226, to the last digit
 
 
 def write(value: float, unit: str) -> str:

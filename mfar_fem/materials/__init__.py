@@ -13,15 +13,18 @@ from .law import Law, Parameter, get_law, law_class, law_names, register
 
 _LAZY = {
     "ArrudaBoyce": "arruda_boyce",
+    "Bending": "bending",
     "Bischoff": "bischoff",
     "CompressibleNeoHookean": "neo_hookean",
     "EightChainLiteral": "eight_chain_literal",
     "EightChainSilk": "eight_chain_silk",
+    "Fabric": "fabric",
     "Fung": "fung",
     "GasserOgdenHolzapfel": "gasser_ogden_holzapfel",
     "NeoHookean": "neo_hookean",
     "StVenantKirchhoff": "st_venant_kirchhoff",
     "YarnNetwork": "yarn_network",
+    "fabric_names": "fabric",
     "law_from_energy": "autodiff",
     "law_from_file": "autodiff",
 }
