@@ -1,1 +1,1 @@
-"""Inverse finite elements: measured curves and a virtual test give parameters, with proof of how well they are known."""
+"""Inverse finite elements: measured curves and a virtual test give parameters, and how well they are known."""
