@@ -23,10 +23,10 @@ _MISSING = object()
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
-    """``" (did you mean 'x'?)"`` if a known name is close, otherwise the list of known names."""
-    known = list(known)
-    close = difflib.get_close_matches(str(name), known, n=1)
-    return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known) or 'none'}"
+    """End of a message about an unknown name: the known name that is close, or else all of them."""
+    known = {key.lower(): key for key in known}
+    close = difflib.get_close_matches(str(name).lower(), known, n=1)
+    return f"; did you mean '{known[close[0]]}'?" if close else f"; known: {', '.join(known.values()) or 'none'}"
 
 
 class TomlFile:

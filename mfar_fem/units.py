@@ -17,6 +17,7 @@ Two textile habits are handled explicitly:
 
 from __future__ import annotations
 
+import decimal
 import functools
 import math
 import re
@@ -147,8 +148,9 @@ def parse(value, target: str, name: str | None = None, path=None, line: int | No
         scale = factor(unit, target)
     except DataFileError as error:
         raise fail(str(error)) from error
-    inverse = 1.0 / scale
-    return number / inverse if inverse.is_integer() else number * scale  # "0.226 mm" is 0.000226, to the last digit
+    if (inverse := 1.0 / scale).is_integer():  # decimal, so that "0.226 mm" is the very float 0.000226
+        return float(decimal.Decimal(match[1]) / int(inverse))
+    return number * scale
 
 
 def write(value: float, unit: str) -> str:

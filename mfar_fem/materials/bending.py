@@ -5,8 +5,9 @@ The curvature change is ``k = [k11, k22, 2 k12]`` in the warp/weft frame (1/m), 
 .. math:: D = \begin{pmatrix} B_w & D_{12} & 0\\ D_{12} & B_f & 0\\ 0 & 0 & D_{33}\end{pmatrix}
 
 with the rigidities of warp and weft, the coupling and the twist, all in N·m (N·m² per metre of width). Textile bending
-is measured apart from the membrane (ASTM D1388, KES-FB2), because the one does not follow from the other: yarns slide over
-each other in bending, and crimp makes the membrane soft at rest. :meth:`Bending.ratio_to` says how far they are apart.
+is measured apart from the membrane (ASTM D1388, KES-FB2), because the one does not follow from the other: yarns slide
+over each other in bending, and crimp makes the membrane soft at rest. :meth:`Bending.ratio_to` says how far apart they
+are.
 """
 
 from __future__ import annotations
@@ -45,19 +46,19 @@ class Bending:
     coupling: float = 0.0
 
     def __post_init__(self):
-        for name in ("warp", "weft", "twist", "coupling"):
+        for name in ("warp", "weft", "coupling", "twist"):
             value = float(getattr(self, name))
             object.__setattr__(self, name, value)
             if not math.isfinite(value):
                 raise ParameterError(f"bending: {name} = {value} is not a finite rigidity in N·m")
             if name != "coupling" and value <= 0.0:
                 raise ParameterError(f"bending: {name} = {value:g} N·m must be positive")
-        if self.coupling**2 >= self.warp * self.weft:
-            bound = math.sqrt(self.warp * self.weft)
-            raise ParameterError(
-                f"bending: coupling = {self.coupling:g} N·m makes the bending energy indefinite; "
-                f"its magnitude must stay under sqrt(warp * weft) = {bound:g} N·m"
-            )
+            if name == "coupling" and value**2 >= self.warp * self.weft:
+                bound = math.sqrt(self.warp * self.weft)
+                raise ParameterError(
+                    f"bending: coupling = {value:g} N·m makes the bending energy indefinite; "
+                    f"its magnitude must stay under sqrt(warp * weft) = {bound:g} N·m"
+                )
 
     @property
     def matrix(self) -> np.ndarray:
