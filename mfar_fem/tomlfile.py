@@ -140,6 +140,8 @@ def _key_lines(text: str) -> dict[tuple[str, ...], int]:
     inside = None
     for number, line in enumerate(text.splitlines(), 1):
         if inside is None:
+            if line.lstrip().startswith("#"):
+                continue
             if header := _HEADER.match(line):
                 table = _split(header[1])
                 found.setdefault(table, number)
