@@ -25,7 +25,8 @@ def list_fabrics(ctx: typer.Context, as_json: _JSON = False) -> None:
     rows = []
     for preset in fabric_names():
         fabric = Fabric.load(preset)
-        values = {"name": preset, "fabric": fabric.name, "law": fabric.law.name, "description": fabric.description}
+        values: dict[str, Any] = {"name": preset, "fabric": fabric.name, "law": fabric.law.name}
+        values |= {"description": fabric.description}
         values |= {"areal_density_kg_m2": fabric.areal_density, "thickness_m": fabric.thickness}
         values |= {"bending_warp_Nm": fabric.bending.warp, "bending_weft_Nm": fabric.bending.weft}
         rows.append(values)
@@ -88,8 +89,8 @@ def _render_list(payload: Mapping[str, Any]):
     for heading in ("g/m²", "mm", "B warp\nµN·m", "B weft\nµN·m"):
         table.add_column(heading, justify="right")
     for row in payload["fabrics"]:
-        numbers = (row["areal_density_kg_m2"] * 1e3, row["thickness_m"] * 1e3)
-        numbers += (row["bending_warp_Nm"] * 1e6, row["bending_weft_Nm"] * 1e6)
+        numbers = [row["areal_density_kg_m2"] * 1e3, row["thickness_m"] * 1e3]
+        numbers += [row["bending_warp_Nm"] * 1e6, row["bending_weft_Nm"] * 1e6]
         table.add_row(row["name"], row["law"], *(f"{number:.4g}" for number in numbers))
     return [table, "`mfar fabrics show NAME` shows every number with its source."]
 
@@ -99,15 +100,16 @@ def _render_fabric(payload: Mapping[str, Any]):
     from rich.table import Table
 
     table = Table(show_lines=True)
-    for heading, justify in (("quantity", "left"), ("value", "right"), ("unit", "left"), ("source", "left")):
-        table.add_column(heading, justify=justify, overflow="fold")
+    for heading in ("quantity", "value", "unit", "source"):
+        table.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
     before = None
     for row in payload["quantities"]:
         unit = row["unit"].replace("dimensionless", "–").replace("N*m", "N·m").replace("^2", "²")
         source = "as above" if row["source"] and row["source"] == before else escape(row["source"]) or "not stated"
         table.add_row(row["key"], f"{row['value']:.6g}", unit, source)
         before = row["source"]
-    shown = [f"[bold]{escape(payload['name'])}[/bold]  (law {payload['law']['name']}, per {payload['law']['basis']})"]
+    law = payload["law"]
+    shown: list[Any] = [f"[bold]{escape(payload['name'])}[/bold]  (law {law['name']}, per {law['basis']})"]
     if payload["description"]:
         shown.append(escape(payload["description"]))
     shown.append(table)

@@ -33,7 +33,7 @@ SHORT_HELP = {
 }
 
 # The click that this typer is built on (its own copy in recent versions).
-ClickException = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
+ClickException: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
 
 def command_entry_points() -> dict[str, importlib.metadata.EntryPoint]:

@@ -114,7 +114,7 @@ class Fabric:
             return _read(TomlFile.read(_PRESETS / f"{source}.toml"))
         path = Path(source)
         if not path.exists() and path.suffix != ".toml":
-            raise UnknownNameError(f"'{source}' is neither a fabric preset nor a file{suggest(source, fabric_names())}")
+            raise UnknownNameError(f"'{source}' is neither a fabric preset nor a file{suggest(str(source), fabric_names())}")
         return _read(TomlFile.read(path))
 
     @classmethod
