@@ -114,7 +114,8 @@ class Fabric:
             return _read(TomlFile.read(_PRESETS / f"{source}.toml"))
         path = Path(source)
         if not path.exists() and path.suffix != ".toml":
-            raise UnknownNameError(f"'{source}' is neither a fabric preset nor a file{suggest(str(source), fabric_names())}")
+            hint = suggest(str(source), fabric_names())
+            raise UnknownNameError(f"'{source}' is neither a fabric preset nor a file{hint}")
         return _read(TomlFile.read(path))
 
     @classmethod
