@@ -122,7 +122,7 @@ def _checked(outline: Mapping[str, Sequence], where: str) -> dict[str, np.ndarra
 
 
 def _smooth(points: np.ndarray, finer: int = 8) -> np.ndarray:
-    """Cubic spline through the points by chord length, sampled `finer` times; gmsh's own spline bends badly at its ends."""
+    """Cubic spline through the points by chord length, sampled; gmsh's own spline bends badly at its ends."""
     if len(points) == 2:
         return points
     from scipy.interpolate import CubicSpline
