@@ -70,14 +70,14 @@ class YarnNetwork(InvariantLaw):
     name = "yarn-network"
     basis = "area"
     parameters = (
-        Parameter("Kw", "K_w", "N/m", 1000.0, 1e-2, 1e8, "log", "stiffness of the taut warp", _HERE),
-        Parameter("Lw", "L_w", "dimensionless", 0.068, 1e-3, 10.0, "log", "locking strain of the warp", _HERE),
-        Parameter("Kf", "K_f", "N/m", 4000.0, 1e-2, 1e8, "log", "stiffness of the taut weft", _HERE),
-        Parameter("Lf", "L_f", "dimensionless", 0.09, 1e-3, 10.0, "log", "locking strain of the weft", _HERE),
-        Parameter("G", "G", "N/m", 0.05, 1e-5, 1e6, "log", "initial trellis shear stiffness", _HERE),
-        Parameter("Ls", "L_s", "dimensionless", 0.98, 1e-2, 10.0, "log", "shear at which the trellis locks", _HERE),
-        Parameter("nu", "ν", "dimensionless", 0.5, 0.0, 0.95, "linear", "crimp interchange", _HERE),
-        Parameter("delta", "δ", "dimensionless", 0.006, 1e-5, 0.2, "log", "width of the toe", _HERE),
+        Parameter("Kw", "K_w", "N/m", 950.0, 1e-2, 1e8, "log", "stiffness of the taut warp", _HERE),
+        Parameter("Lw", "L_w", "dimensionless", 0.067, 1e-3, 10.0, "log", "locking strain of the warp", _HERE),
+        Parameter("Kf", "K_f", "N/m", 4300.0, 1e-2, 1e8, "log", "stiffness of the taut weft", _HERE),
+        Parameter("Lf", "L_f", "dimensionless", 0.104, 1e-3, 10.0, "log", "locking strain of the weft", _HERE),
+        Parameter("G", "G", "N/m", 0.006, 1e-5, 1e6, "log", "initial trellis shear stiffness", _HERE),
+        Parameter("Ls", "L_s", "dimensionless", 0.913, 1e-2, 10.0, "log", "shear at which the trellis locks", _HERE),
+        Parameter("nu", "ν", "dimensionless", 0.05, 0.0, 0.95, "linear", "crimp interchange", _HERE),
+        Parameter("delta", "δ", "dimensionless", 0.0108, 1e-5, 0.2, "log", "width of the toe", _HERE),
         Parameter("r", "r", "dimensionless", 0.01, 0.0, 1.0, "linear", "residual compression", "setting", fit=False),
     )
     invariants = ("C11", "C22", "C12")
