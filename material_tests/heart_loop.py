@@ -14,8 +14,10 @@ rounding. The standard reads the distance l from the clamp to the lowest point a
 .. math:: l_0 = 0.1337\,L, \quad d = l - l_0, \quad \theta = 32.85^\circ\, d / l_0, \quad
           c = l_0\, (\cos\theta / \tan\theta)^{1/3}.
 
-What that costs is tabulated by `formula_error`. Not modelled: contact of the two halves (`Loop.narrowest` < 0 says
-that they would touch below the clamp).
+What that costs is tabulated by `formula_error`: for c / L between 0.06 and 0.31 c comes out too large by up to 4.1 %
+(B by 12.8 %, at c / L = 0.139), for stiffer strips too small (1.9 % at c / L = 0.5). The exact height of the loop
+without weight is 0.133860 L (the standard's 0.1337 is 0.12 % less), and the factor that is exact for small d is 31.91
+degrees. The two halves never touch (x >= 0 up to L / c = 60), so no contact is missing.
 """
 
 from __future__ import annotations
