@@ -80,11 +80,65 @@ def mean_directors(surface: Surface, nodes: np.ndarray, t: Tables, edge_director
 
 
 def edge_angles(g: np.ndarray, ds: np.ndarray, directors: np.ndarray) -> np.ndarray:
-    """Angle (nt, nk) from the director to the element normal about the edge; ``g`` (nt, nk, 2, 3), ``ds`` (nt, nk, 3) the tangent."""
+    """Angle (nt, nk) from the director to the element normal about the edge; ``g`` (nt, nk, 2, 3), ``ds`` (nt, nk, 3)."""
     n, t = unit_normals(g), ds / np.linalg.norm(ds, axis=-1, keepdims=True)
     d = directors - np.sum(directors * t, axis=-1, keepdims=True) * t
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     return np.arctan2(np.sum(n * np.cross(t, d), axis=-1), np.sum(n * d, axis=-1))
+
+
+def local_frames(surface: Surface, t: Tables) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Normals (nt, nq, 3), area elements (nt, nq), warp/weft frames (nt, nq, 2, 3) and ``L = Tᵀ G`` (nt, nq, 2, 2)."""
+    G = tangents(surface.nodes, surface.elements, t.dN)
+    cross = np.cross(G[:, :, 0], G[:, :, 1])
+    J = np.linalg.norm(cross, axis=-1)
+    N0 = cross / J[..., None]
+    warp = surface.warp[:, None] - np.sum(surface.warp[:, None] * N0, axis=-1, keepdims=True) * N0
+    length = np.linalg.norm(warp, axis=-1)
+    if np.any(length < 1e-8):
+        bad = np.flatnonzero((length < 1e-8).any(axis=1))
+        raise ParameterError(f"the warp direction is normal to the surface in {len(bad)} elements, first {bad[:5].tolist()}")
+    warp = warp / length[..., None]
+    frame = np.stack([warp, np.cross(N0, warp)], axis=-2)  # (nt, nq, 2, 3)
+    L = np.einsum("eqfc,eqac->eqfa", frame, G)
+    return N0, J, frame, L
+
+
+def bending_factors(surface: Surface, D: np.ndarray, direction: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Factors ``R`` of the bending energy for interior samples (nt, nq, 3, 3) and edge samples (nt, nq, 3, nk).
+
+    With ``direction`` v (3,), factors of the derivative of that energy along ``dD = v vᵀ`` instead.
+    """
+    t = tables(surface.order)
+    _, J, _, L = local_frames(surface, t)
+    area_weights = J * t.weights
+    X = surface.nodes[surface.elements]
+    edge_ds = np.einsum("ki,eic->ekc", t.edge_ds, X)
+    nt = len(X)
+    Ge = tangents(surface.nodes, surface.elements, t.edge_dN)
+    Ne, length = unit_normals(Ge), np.linalg.norm(edge_ds, axis=-1)
+    mu = np.einsum("ekac,ekc->eka", Ge, np.cross(edge_ds / length[..., None], Ne))
+    mumu = np.stack([mu[..., 0] ** 2, mu[..., 1] ** 2, 2 * mu[..., 0] * mu[..., 1]], axis=-1)
+    Je = np.linalg.norm(np.cross(Ge[:, :, 0], Ge[:, :, 1]), axis=-1)
+    # moments are (J0/J)² times a linear contravariant tensor (double Piola): linear normal moments on curved edges too
+    J0 = J.mean(axis=1)
+    piola, piola_edge = (J0[:, None] / J) ** 2, (J0[:, None] / Je) ** 2
+    V = np.empty((nt, t.nq, 3, 3))
+    for row, (f, h) in enumerate(((0, 0), (1, 1), (0, 1))):
+        V[:, :, row, 0] = L[:, :, f, 0] * L[:, :, h, 0]
+        V[:, :, row, 1] = L[:, :, f, 1] * L[:, :, h, 1]
+        V[:, :, row, 2] = L[:, :, f, 0] * L[:, :, h, 1] + L[:, :, f, 1] * L[:, :, h, 0]
+    V *= piola[..., None, None]
+    A = np.einsum("eq,eqki,kl,eqlj->eqij", area_weights, V, np.linalg.inv(D), V, optimize=True)
+    factor = np.linalg.inv(np.linalg.cholesky(A))
+    B_interior = np.array([1.0, 1.0, 2.0]) * (area_weights * piola)[..., None]  # diagonal
+    weight = np.tile(t.edge_weights, 3) * length * piola_edge
+    B_edge = np.einsum("ek,kq,eka->eqak", weight, t.moment_at_edges, mumu, optimize=True)
+    if direction is not None:  # dA⁻¹ = A⁻¹ (V' D⁻¹ v)(V' D⁻¹ v)' A⁻¹, of rank one at every point
+        y = np.einsum("eqij,eqkj,k->eqi", factor, V, np.linalg.solve(D, direction))
+        y *= np.sqrt(area_weights)[..., None]
+        factor = np.einsum("eqi,eqj,eqjk->eqik", y / np.maximum(np.linalg.norm(y, axis=-1, keepdims=True), 1e-300), y, factor)
+    return np.ascontiguousarray(factor * B_interior[:, :, None, :]), np.ascontiguousarray(factor @ B_edge)
 
 
 def reference_geometry(surface: Surface, D: np.ndarray | None, directors: np.ndarray | None = None) -> ReferenceGeometry:
@@ -100,18 +154,7 @@ def reference_geometry(surface: Surface, D: np.ndarray | None, directors: np.nda
     """
     t = tables(surface.order)
     nt, nk = len(surface.elements), 3 * t.ng
-    G = tangents(surface.nodes, surface.elements, t.dN)
-    cross = np.cross(G[:, :, 0], G[:, :, 1])
-    J = np.linalg.norm(cross, axis=-1)
-    N0 = cross / J[..., None]
-    warp = surface.warp[:, None] - np.sum(surface.warp[:, None] * N0, axis=-1, keepdims=True) * N0
-    length = np.linalg.norm(warp, axis=-1)
-    if np.any(length < 1e-8):
-        bad = np.flatnonzero((length < 1e-8).any(axis=1))
-        raise ParameterError(f"the warp direction is normal to the surface in {len(bad)} elements, first {bad[:5].tolist()}")
-    warp = warp / length[..., None]
-    frame = np.stack([warp, np.cross(N0, warp)], axis=-2)  # (nt, nq, 2, 3)
-    L = np.einsum("eqfc,eqac->eqfa", frame, G)
+    N0, J, frame, L = local_frames(surface, t)
     K = np.linalg.inv(L)  # K[a, f]: dxi^a / ds^f
     push = np.empty((nt, t.nq, 3, 3))
     for row, (f, h) in enumerate(((0, 0), (1, 1), (0, 1))):
@@ -131,34 +174,17 @@ def reference_geometry(surface: Surface, D: np.ndarray | None, directors: np.nda
     if directors is None:
         directors = mean_directors(surface, surface.nodes, t, edge_director)
     Ge = tangents(surface.nodes, surface.elements, t.edge_dN)
-    Ne, length = unit_normals(Ge), np.linalg.norm(edge_ds, axis=-1)
-    mu = np.einsum("ekac,ekc->eka", Ge, np.cross(edge_ds / length[..., None], Ne))
-    mumu = np.stack([mu[..., 0] ** 2, mu[..., 1] ** 2, 2 * mu[..., 0] * mu[..., 1]], axis=-1)
-    Je = np.linalg.norm(np.cross(Ge[:, :, 0], Ge[:, :, 1]), axis=-1)
-    # moments are (J0/J)² times a linear contravariant tensor (double Piola), so that the normal moment is linear on curved edges too
-    J0 = J.mean(axis=1)
-    piola, piola_edge = (J0[:, None] / J) ** 2, (J0[:, None] / Je) ** 2
-    V = np.empty((nt, t.nq, 3, 3))
-    for row, (f, h) in enumerate(((0, 0), (1, 1), (0, 1))):
-        V[:, :, row, 0] = L[:, :, f, 0] * L[:, :, h, 0]
-        V[:, :, row, 1] = L[:, :, f, 1] * L[:, :, h, 1]
-        V[:, :, row, 2] = L[:, :, f, 0] * L[:, :, h, 1] + L[:, :, f, 1] * L[:, :, h, 0]
-    V *= piola[..., None, None]
-    A = np.einsum("eq,eqki,kl,eqlj->eqij", area_weights, V, np.linalg.inv(D), V, optimize=True)
-    factor = np.linalg.inv(np.linalg.cholesky(A))
-    B_interior = np.array([1.0, 1.0, 2.0]) * (area_weights * piola)[..., None]  # diagonal
-    weight = np.tile(t.edge_weights, 3) * length * piola_edge
-    B_edge = np.einsum("ek,kq,eka->eqak", weight, t.moment_at_edges, mumu, optimize=True)
-    R_interior, R_edge = factor * B_interior[:, :, None, :], factor @ B_edge
+    R_interior, R_edge = bending_factors(surface, D)
     x_ab = np.einsum("is,eic->esc", t.second, X)
     c0_interior = np.einsum("esc,eqc->eqs", x_ab, N0)
     c0_edge = edge_angles(Ge, edge_ds, directors[edge_director])
     return ReferenceGeometry(t, area_weights, frame, push, samples, edge_director, edge_sign,
-                             np.ascontiguousarray(R_interior), np.ascontiguousarray(R_edge), c0_interior, c0_edge, directors)
+                             R_interior, R_edge, c0_interior, c0_edge, directors)
 
 
 def _metric_samples(t: Tables, X: np.ndarray, edge_ds: np.ndarray) -> np.ndarray:
     """Strain samples of a configuration measured from nothing: ½|x_s|² at the edge points (order 2), means of ½ g_a·g_b."""
+    X = X - X[:, :1]  # as in the kernels: positions relative to the first node keep rounding at the size of the element
     half = np.array([0.5, 0.5, 1.0])
     means = half * np.einsum("sij,eic,ejc->es", t.mean, X, X, optimize=True)
     if t.order == 1:

@@ -112,7 +112,7 @@ def strain(shape, x, conn, edge_ds, mean, samples, interpolation, push, C):
     for el in range(conn.shape[0]):
         for i in range(nn):
             for c in range(3):
-                X[i, c] = x[conn[el, i], c]
+                X[i, c] = x[conn[el, i], c] - x[conn[el, 0], c]
         for k in range(edge_samples):
             acc = 0.0
             for c in range(3):
@@ -223,7 +223,7 @@ def bending_energy(shape, x, alpha, directors, conn, edge_director, edge_sign, d
     for el in range(conn.shape[0]):
         for i in range(nn):
             for c in range(3):
-                X[i, c] = x[conn[el, i], c]
+                X[i, c] = x[conn[el, i], c] - x[conn[el, 0], c]
         if not bending_samples(shape, el, X, directors, edge_director, dN, second, edge_dN, edge_ds, c0i, c0e, False,
                                ci, ce, zi, ni, gi, ne, ee, ve, me, de, te, le, tau):
             out[el] = np.inf
@@ -268,7 +268,7 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
     for el in range(conn.shape[0]):
         for i in range(nn):
             for c in range(3):
-                X[i, c] = x[conn[el, i], c]
+                X[i, c] = x[conn[el, i], c] - x[conn[el, 0], c]
         f[:] = 0.0
         used = 0
         if with_membrane:

@@ -1,0 +1,254 @@
+"""Newton's method on the potential: line search, two tangents, and a named reason whenever it stops.
+
+Two ways to the solution, tried in this order. *Plain*: full steps with the exact tangent. A thin shell that rotates is stretched
+by every linearised step and relaxes in the next one, so its energy rises on the way to the minimum, and a line search on the
+energy would crawl; plain steps take 4–8 iterations there. The result counts only if its energy is below that of the start.
+*Descent*: energy line search with the safe (positive semi-definite) tangent, and the exact one where it gives descent and full
+steps. This is what remains when the sheet falls, wrinkles or locks on its way.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mfar_fem.shell import State
+from mfar_fem.solve.linear import LinearSolver, SingularMatrixError
+from mfar_fem.solve.problem import Problem
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Settings of the iteration.
+
+    Attributes
+    ----------
+    rtol, atol : float
+        Converged when the residual is below ``max(atol, rtol · reference)``; ``atol`` in N, the reference is the larger of the
+        external forces and the reactions. Thin sheets under tiny loads end at the rounding of the unknowns instead,
+        ``ε |K| |u|``; the residual reached is always reported.
+    max_iterations : int
+        Of the descent; ``plain_iterations`` those of the plain steps tried before it (0: none).
+    tangent : {'auto', 'safe', 'exact'}
+        ``auto`` switches as described; the others keep one (``exact`` still falls back to ``safe`` on ascent).
+    max_rotation : float
+        Longest step of an edge rotation, rad.
+    max_backtracks : int
+        Halvings of a step before the search gives up.
+    linear_solver : str
+        See :class:`mfar_fem.solve.linear.LinearSolver`.
+    """
+
+    rtol: float = 1e-8
+    atol: float = 1e-13
+    max_iterations: int = 60
+    plain_iterations: int = 16
+    tangent: str = "auto"
+    max_rotation: float = 1.0
+    max_backtracks: int = 30
+    linear_solver: str = "direct"
+
+
+DEFAULT_OPTIONS = NewtonOptions()
+
+
+@dataclass
+class NewtonResult:
+    """Outcome of one Newton solve: ``status`` is ``converged`` or the name of the failure."""
+
+    state: State
+    status: str
+    iterations: int
+    residual: float
+    residual_relative: float
+    residuals: list[float] = field(default_factory=list)
+    safe_iterations: int = 0
+    notes: list[str] = field(default_factory=list)
+    assembly_s: float = 0.0
+    solve_s: float = 0.0
+    assemblies: int = 0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the residual is below tolerance."""
+        return self.status == "converged"
+
+
+def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = DEFAULT_OPTIONS) -> NewtonResult:
+    """Solve for equilibrium at load factor ``lam``; the held unknowns of ``state`` must have their values.
+
+    Returns
+    -------
+    NewtonResult
+        With ``status`` ``converged``, ``iteration limit``, ``line search failed``, ``singular tangent`` or ``inadmissible
+        start`` (locking or a collapsed element); ``state`` is the best admissible state and never contains NaN.
+    """
+    energy = problem.energy(state, lam)
+    out = NewtonResult(state, "inadmissible start", 0, np.inf, np.inf)
+    if not np.isfinite(energy):
+        return out
+    solver = _solver(problem, state, options)
+    if options.plain_iterations > 0 and options.tangent != "safe":
+        _plain(problem, state, lam, energy, solver, options, out)
+    if not out.converged:
+        plain, out.residuals = out.iterations, []
+        _descent(problem, state, lam, energy, solver, options, out)
+        out.iterations += plain
+    out.notes += solver.notes
+    assert np.all(np.isfinite(out.state.u))
+    return out
+
+
+def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: NewtonOptions, out: NewtonResult):
+    """Gradient and tangent data at ``state``; records the residual and whether it is below tolerance."""
+    clock = time.perf_counter()
+    g, data = problem.tangent(state, lam, exact)
+    out.assembly_s += time.perf_counter() - clock
+    residual, reference = _residual(problem, state, lam, g)
+    out.assemblies += 1
+    out.residual = residual
+    out.residual_relative = residual / reference if reference > 0 else (0.0 if residual == 0 else np.inf)
+    out.residuals.append(residual)
+    tolerance = max(options.atol, options.rtol * reference)
+    if tolerance < residual < 1e-4 * reference:
+        tolerance = max(tolerance, _rounding_floor(problem, state, data))
+    return g, data, reference, residual <= tolerance
+
+
+def _plain(problem, start, lam, energy, solver, options, out) -> None:
+    """Full exact steps from ``start``; ``out`` is converged only if the energy ended below its start."""
+    state, best = start, np.inf
+    for iteration in range(options.plain_iterations + 1):
+        g, data, _, done = _evaluate(problem, state, lam, True, options, out)
+        out.iterations = iteration
+        if done:
+            end = problem.energy(state, lam)
+            if not problem.conservative or end <= energy + 1e-9 * abs(energy) or iteration == 0:
+                out.state, out.status = state, "converged"
+            return
+        if not np.isfinite(out.residual) or (iteration > 6 and out.residual > 10 * best):
+            return
+        best = min(best, out.residual)
+        clock = time.perf_counter()
+        step = np.zeros(problem.n)
+        try:
+            step[problem.free] = solver.factor(problem.free_block.matrix(data))(-g[problem.free])
+        except SingularMatrixError:
+            return
+        out.solve_s += time.perf_counter() - clock
+        rotation = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
+        if not np.all(np.isfinite(step)) or rotation > 3.0:
+            return
+        state = state.with_u(state.u + step)
+        if not np.isfinite(problem.shell.energy(state)):
+            return
+
+
+def _descent(problem, state, lam, energy, solver, options, out) -> None:
+    """Line search on the energy with the safe tangent, and the exact one near the solution."""
+    exact, previous = options.tangent == "exact", np.inf
+    for iteration in range(options.max_iterations + 1):
+        g, data, reference, done = _evaluate(problem, state, lam, exact, options, out)
+        out.state, out.iterations = state, iteration
+        if done:
+            out.status = "converged"
+            return
+        if iteration == options.max_iterations:
+            out.status = "iteration limit"
+            return
+        clock = time.perf_counter()
+        step, used_exact = _direction(problem, state, lam, g, data, exact, solver, options)
+        out.solve_s += time.perf_counter() - clock
+        out.safe_iterations += not used_exact
+        if step is None:
+            out.status = "singular tangent"
+            return
+        t, state_new, energy_new = _line_search(problem, state, lam, energy, g, step, options)
+        if t == 0.0:
+            if used_exact and options.tangent != "exact":
+                exact = False
+                continue
+            rounding = _at_rounding(energy, g, step, out.residual, reference, options)
+            out.status = "converged" if rounding else "line search failed"
+            return
+        if options.tangent == "auto":
+            moved = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
+            exact = t == 1.0 and (used_exact or (moved < 0.3 and out.residual < previous))
+        state, energy, previous = state_new, energy_new, out.residual
+
+
+def _solver(problem: Problem, state: State, options: NewtonOptions) -> LinearSolver:
+    modes = None
+    if options.linear_solver == "amg":
+        from mfar_fem.solve.linear import rigid_body_modes
+
+        modes = rigid_body_modes(problem.shell, state)[problem.free]
+        modes = modes[:, np.linalg.norm(modes, axis=0) > 0]
+    return LinearSolver(options.linear_solver, modes)
+
+
+def _residual(problem: Problem, state: State, lam: float, g: np.ndarray) -> tuple[float, float]:
+    """Residual on the free unknowns and the reference force, both N."""
+    r = g.copy()
+    r[problem.fixed] = 0.0
+    reaction = g - r
+    return problem.norm(r), max(problem.norm(problem.external_force(state, lam)), problem.norm(reaction))
+
+
+def _direction(problem, state, lam, g, data, exact, solver, options):
+    """Newton step (n,) with zeros on held unknowns, and whether it is the exact one; None if the tangent is singular."""
+    for attempt in ((True, False) if exact else (False,)):
+        if attempt != exact:
+            _, data = problem.tangent(state, lam, False)
+        step = np.zeros(problem.n)
+        try:
+            step[problem.free] = solver.factor(problem.free_block.matrix(data))(-g[problem.free])
+        except SingularMatrixError:
+            if attempt:
+                continue
+            shift = data.copy()
+            diagonal = problem.pattern.diagonal
+            shift[diagonal] += 1e-8 * np.abs(data[diagonal]).max()
+            solver.notes.append("safe tangent singular: shifted by 1e-8 of its largest diagonal entry")
+            try:
+                step[problem.free] = solver.factor(problem.free_block.matrix(shift))(-g[problem.free])
+            except SingularMatrixError:
+                return None, False
+        slope = float(g @ step)
+        if np.all(np.isfinite(step)) and slope < 0:
+            return step, attempt
+        if not problem.conservative and np.all(np.isfinite(step)):
+            return step, attempt
+    return (step, False) if np.all(np.isfinite(step)) else (None, False)
+
+
+def _line_search(problem, state, lam, energy, g, step, options):
+    """Largest of 1, ½, ¼ … that lowers the energy (or, within rounding, the slope): ``(t, state, energy)``, t = 0 if none."""
+    rotation = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
+    t = min(1.0, options.max_rotation / rotation) if rotation > 0 else 1.0
+    slope = float(g @ step)
+    rounding = 1e-11 * max(abs(energy), abs(slope))
+    for _ in range(options.max_backtracks):
+        trial = state.with_u(state.u + t * step)
+        new = problem.energy(trial, lam)
+        if np.isfinite(new):
+            if problem.conservative and new <= energy + 1e-4 * t * slope:
+                return t, trial, new
+            if not problem.conservative or (new <= energy + rounding and -t * slope < 1e3 * rounding):
+                slope_new = float(problem.gradient(trial, lam)[problem.free] @ step[problem.free])
+                if abs(slope_new) <= 0.9 * abs(slope):
+                    return t, trial, new
+        t *= 0.5
+    return 0.0, state, energy
+
+
+def _rounding_floor(problem: Problem, state: State, data: np.ndarray) -> float:
+    """Residual that rounding of the unknowns alone causes, N: ``ε |K| |u|``."""
+    return np.finfo(float).eps * problem.norm(problem.pattern.matrix(np.abs(data)) @ np.abs(state.u))
+
+
+def _at_rounding(energy, g, step, residual, reference, options) -> bool:
+    """Whether no step helps because the residual is at rounding level of the element forces (and already small)."""
+    return residual <= 1e3 * options.rtol * reference and abs(float(g @ step)) <= 1e-10 * max(abs(energy), 1e-300)

@@ -1,0 +1,155 @@
+"""Static equilibrium by load steps that adapt: cut back on failure, grow when Newton is quick, hit every level asked for."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mfar_fem.errors import InputError
+from mfar_fem.result import LoadStep, StaticResult
+from mfar_fem.shell import State
+from mfar_fem.solve.linear import SingularMatrixError
+from mfar_fem.solve.newton import DEFAULT_OPTIONS, NewtonOptions, NewtonResult, _solver, newton
+from mfar_fem.solve.problem import Problem
+
+
+def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: NewtonOptions = DEFAULT_OPTIONS,
+                 start: State | None = None, start_lam: float = 0.0, initial_step: float | None = None,
+                 min_step: float = 1e-7, quick: int = 8,
+                 progress: Callable[[float], None] | None = None) -> StaticResult:
+    """Follow the equilibrium from ``start`` through the load factors ``levels``.
+
+    Parameters
+    ----------
+    problem : Problem
+    levels : int or sequence of float
+        Load factors to reach exactly, in order, or a number of equal steps to 1. Between them steps adapt.
+    options : NewtonOptions
+    start : State, optional
+        Default: the reference state.
+    initial_step : float, optional
+        First step of the load factor; default: the first level.
+    min_step : float
+        Below this step the run ends with the named failure and the last converged state.
+    quick : int
+        Steps that took at most this many iterations grow by a half.
+    progress : callable, optional
+        Called with the load factor of every accepted step.
+
+    Returns
+    -------
+    StaticResult
+        Never raises for a failure to converge: see ``status``.
+    """
+    levels = np.arange(1, levels + 1) / levels if isinstance(levels, (int, np.integer)) else np.asarray(levels, dtype=float)
+    if len(levels) == 0 or not np.all(np.isfinite(levels)):
+        raise InputError("levels must be a positive number of steps or a sequence of finite load factors")
+    clock = time.perf_counter()
+    state, lam = start or problem.start(), float(start_lam)
+    step = abs(initial_step) if initial_step else None
+    steps: list[LoadStep] = [_record(problem, state, lam, None, False)]
+    notes: list[str] = []
+    totals = {"iterations": 0, "wasted": 0, "assemblies": 0, "assembly": 0.0, "solve": 0.0}
+    status = "converged"
+    previous: tuple[State, float] | None = None
+    for level in levels:
+        while lam != level and status == "converged":
+            direction = np.sign(level - lam)
+            if step is None:
+                step = abs(level - lam)
+            target = level if abs(level - lam) <= step * (1 + 1e-9) else lam + direction * step
+            if target != level and abs(level - target) < 0.1 * step:
+                target = 0.5 * (lam + level)
+            guess = _predict(problem, state, lam, target, previous, options)
+            result = newton(problem, guess, target, options) if guess is not None else None
+            if result is not None:
+                totals["assemblies"] += result.assemblies
+                totals["assembly"] += result.assembly_s
+                totals["solve"] += result.solve_s
+                notes += result.notes
+            if result is not None and result.converged:
+                previous = (state, lam)
+                taken = abs(target - lam)
+                state, lam = problem.shell.accept(result.state), float(target)
+                totals["iterations"] += result.iterations
+                steps.append(_record(problem, state, lam, result, lam == level))
+                if result.iterations <= quick:
+                    step = max(step, 1.5 * taken)
+                elif result.iterations > 3 * quick:
+                    step = 0.7 * taken
+                if progress is not None:
+                    progress(lam)
+                continue
+            totals["wasted"] += 0 if result is None else result.iterations
+            step = 0.5 * abs(target - lam)
+            if step < min_step * max(1.0, abs(level)):
+                status = _failure(result)
+        if status != "converged":
+            break
+    timings = {"assembly": totals["assembly"], "solve": totals["solve"], "total": time.perf_counter() - clock}
+    message = "equilibrium reached at every level" if status == "converged" else (
+        f"{status}: load factor {lam:.6g} of {levels[-1]:.6g} reached; the last converged state is kept")
+    return StaticResult(status == "converged", status, message, tuple(steps), totals["iterations"], totals["wasted"],
+                        totals["assemblies"], timings, tuple(dict.fromkeys(notes)))
+
+
+def _failure(result: NewtonResult | None) -> str:
+    if result is None or result.status == "inadmissible start":
+        return "LockingReached"
+    return {"singular tangent": "SingularTangent", "iteration limit": "Diverged"}.get(result.status, "StepTooSmall")
+
+
+def _predict(problem: Problem, state: State, lam: float, target: float, previous, options: NewtonOptions) -> State | None:
+    """Start of the next step with its held values: extrapolated from the last step or by the tangent; None if inadmissible."""
+    held = problem.prescribed(target)
+    change = held - state.u[problem.fixed]
+    candidates = []
+    if np.any(change != 0.0):
+        if previous is not None and previous[1] != lam:
+            u = state.u.copy()
+            k = problem.shell.alpha_offset
+            u[:k] += (target - lam) / (lam - previous[1]) * (state.u - previous[0].u)[:k]
+            u[problem.fixed] = held
+            candidates.append(state.with_u(u))
+        candidates.append(_affine(problem, state, lam, held, change, options))
+    else:
+        candidates.append(state)
+    best, best_energy = None, np.inf
+    for candidate in candidates:
+        if candidate is None:
+            continue
+        energy = problem.energy(candidate, target)
+        if energy < best_energy:
+            best, best_energy = candidate, energy
+    return best
+
+
+def _affine(problem, state, lam, held, change, options) -> State | None:
+    """Tangent predictor: the linear response to the change of the held unknowns."""
+    for exact in (True, False):
+        _, data = problem.tangent(state, lam, exact)
+        try:
+            factor = _solver(problem, state, replace(options, linear_solver="direct")).factor(problem.free_block.matrix(data))
+        except SingularMatrixError:
+            continue
+        du = factor(-(problem.coupling_block.matrix(data) @ change))
+        if not np.all(np.isfinite(du)):
+            continue
+        u = state.u.copy()
+        u[problem.free] += du
+        u[problem.fixed] = held
+        if np.isfinite(problem.energy(state.with_u(u), lam)):
+            return state.with_u(u)
+    return None
+
+
+def _record(problem: Problem, state: State, lam: float, result: NewtonResult | None, requested: bool) -> LoadStep:
+    membrane, bending = problem.shell.energies(state)
+    g = problem.gradient(state, lam)
+    reaction = np.zeros_like(g)
+    reaction[problem.fixed] = g[problem.fixed]
+    values = (0, 0.0, 0.0) if result is None else (result.iterations, result.residual, result.residual_relative)
+    return LoadStep(lam, state, *values, membrane, bending, reaction, requested)
