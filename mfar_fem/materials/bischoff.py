@@ -25,8 +25,9 @@ class Bischoff(InvariantLaw):
 
     with :math:`\rho_\pm^2 = \tfrac14(a^2 C_{11} + b^2 C_{22} + c^2 C_{33} \pm 2ab\,C_{12})`,
     :math:`N = \tfrac14(a^2 + b^2 + c^2)`, :math:`\beta_\pm = \mathcal L^{-1}(\rho_\pm/N)`,
-    :math:`\beta_P = \mathcal L^{-1}(1/\sqrt N)`, :math:`\lambda_a^2 = C_{11}` and so on, :math:`C_{33} = 1/\det C`. Four
-    of the eight chains lie on each value of :math:`\rho`, as :math:`C_{13} = C_{23} = 0` in a sheet.
+    :math:`\beta_P = \mathcal L^{-1}(1/\sqrt N)`, :math:`\lambda_a^2 = C_{11}` and so on,
+    :math:`C_{33} = 1/\det C`. Four of the eight chains lie on each value of :math:`\rho`, as :math:`C_{13} = C_{23} = 0`
+    in a sheet.
 
     Parameters
     ----------

@@ -132,9 +132,10 @@ def respond(law: Law, mode: str, direction, stretch, sensitivities=(), strict: b
         local = np.where(converged[:, None], local, [1.0, 1.0, 0.0])
     if strict and not converged.all():
         bad = stretch[~converged]
+        first = bad[np.argmin(np.abs(bad - 1.0))]
         raise NotConvergedError(
             f"{law.name}: {mode} at {np.degrees(angle):.4g} degrees cannot reach "
-            f"{np.sum(~converged)} of {len(stretch)} states, the first at {bad[np.argmin(np.abs(bad - 1.0))]:.6g} (locked or unstable there)"
+            f"{np.sum(~converged)} of {len(stretch)} states, the first at {first:.6g} (locked or unstable there)"
         )
     return _collect(law, mode, angle, stretch, local, M, converged, names)
 
@@ -164,11 +165,11 @@ def _release(law, M, stretch):
     """Free Ctt and Cnt so that S_tt = S_nt = 0: continuation from the reference state, every point at its own pace."""
     n = len(stretch)
     goal = 2.0 * np.log(stretch)
-    reached, step = np.zeros(n), np.full(n, 0.25)
+    reached, step, failed = np.zeros(n), np.full(n, 0.25), np.full(n, np.inf)
     local = np.tile([1.0, 1.0, 0.0], (n, 1))
-    rate = None
     while True:
-        todo = np.flatnonzero((reached < 1.0) & (step > 1e-5))
+        # given up: the next thousandth of the path failed
+        todo = np.flatnonzero((reached < 1.0) & (failed - reached > 1e-3))
         if not len(todo):
             return local, reached >= 1.0
         now = local[todo]
@@ -182,7 +183,9 @@ def _release(law, M, stretch):
         solved, good = _relax(law, trial, M)
         local[todo[good]] = solved[good]
         reached[todo[good]] = target[good]
+        failed[todo[~good]] = target[~good]
         step[todo] *= np.where(good, 2.0, 0.25)
+        step = np.where(np.isfinite(failed), np.clip(step, 2.5e-4, 0.5 * np.maximum(failed - reached, 5e-4)), step)
 
 
 def _relax(law, local, M, rtol=1e-11, iterations=40):
@@ -229,9 +232,11 @@ def _relax(law, local, M, rtol=1e-11, iterations=40):
 
 def _solve2(h, g):
     """Solve the symmetric 2x2 systems, shifted to positive definite where they are not; also says where they were."""
+    scale = np.maximum(np.abs(h).max(axis=(1, 2)), 1e-300)
+    h, g = h / scale[:, None, None], g / scale[:, None]
     a, b, d = h[:, 0, 0], h[:, 0, 1], h[:, 1, 1]
-    mean, radius = 0.5 * (a + d), np.sqrt(0.25 * (a - d) ** 2 + b * b)
-    largest = np.maximum(np.abs(mean) + radius, 1e-300)
+    mean, radius = 0.5 * (a + d), np.hypot(0.5 * (a - d), b)
+    largest = np.maximum(np.abs(mean) + radius, 1e-8)
     convex = mean - radius > 1e-14 * largest
     shift = np.where(convex, 0.0, radius - mean + 1e-3 * largest)
     a, d = a + shift, d + shift

@@ -50,9 +50,11 @@ class YarnNetwork(InvariantLaw):
     *Why this form.* Without the toe, a chain of length ``L`` carries up to :math:`-K L` in compression, tens to
     hundreds of N/m, and the bias test, where the yarns that reach neither grip are pushed together at 0.1 to 10 N/m,
     comes out an order too stiff in its first half. The trellis needs stiffness below 0.1 N/m at first and a lock near
-    the right angle; an exponent of 4 locks gently enough for Newton's method (exponents 3 to 6 fit alike). Coupling
-    the taut strains, not the strains, makes the interchange vanish when one family is slack. Every term is convex in
-    E (for :math:`0 \le \nu < 1` their sum too): a sum of convex increasing functions of the convex ``p``.
+    the right angle; an exponent of 4 locks gently enough for Newton's method (exponents 3 to 6 fit alike), and below
+    0.1 N/m ``G`` itself is hardly determined by those curves. Coupling the taut strains, not the strains, makes the
+    interchange vanish when one family is slack. The energy is convex in E for :math:`0 \le \nu < 1`: each term is a
+    convex function of s or a convex increasing one of the convex ``p``, and the coupling is dominated by the two yarn
+    terms.
 
     References
     ----------
@@ -70,14 +72,14 @@ class YarnNetwork(InvariantLaw):
     name = "yarn-network"
     basis = "area"
     parameters = (
-        Parameter("Kw", "K_w", "N/m", 950.0, 1e-2, 1e8, "log", "stiffness of the taut warp", _HERE),
-        Parameter("Lw", "L_w", "dimensionless", 0.067, 1e-3, 10.0, "log", "locking strain of the warp", _HERE),
-        Parameter("Kf", "K_f", "N/m", 4300.0, 1e-2, 1e8, "log", "stiffness of the taut weft", _HERE),
-        Parameter("Lf", "L_f", "dimensionless", 0.104, 1e-3, 10.0, "log", "locking strain of the weft", _HERE),
-        Parameter("G", "G", "N/m", 0.006, 1e-5, 1e6, "log", "initial trellis shear stiffness", _HERE),
-        Parameter("Ls", "L_s", "dimensionless", 0.913, 1e-2, 10.0, "log", "shear at which the trellis locks", _HERE),
+        Parameter("Kw", "K_w", "N/m", 930.0, 1e-2, 1e8, "log", "stiffness of the taut warp", _HERE),
+        Parameter("Lw", "L_w", "dimensionless", 0.066, 1e-3, 10.0, "log", "locking strain of the warp", _HERE),
+        Parameter("Kf", "K_f", "N/m", 3970.0, 1e-2, 1e8, "log", "stiffness of the taut weft", _HERE),
+        Parameter("Lf", "L_f", "dimensionless", 0.085, 1e-3, 10.0, "log", "locking strain of the weft", _HERE),
+        Parameter("G", "G", "N/m", 0.1, 1e-3, 1e6, "log", "initial trellis shear stiffness", _HERE),
+        Parameter("Ls", "L_s", "dimensionless", 0.995, 1e-2, 10.0, "log", "shear at which the trellis locks", _HERE),
         Parameter("nu", "ν", "dimensionless", 0.05, 0.0, 0.95, "linear", "crimp interchange", _HERE),
-        Parameter("delta", "δ", "dimensionless", 0.0108, 1e-5, 0.2, "log", "width of the toe", _HERE),
+        Parameter("delta", "δ", "dimensionless", 0.0088, 1e-5, 0.2, "log", "width of the toe", _HERE),
         Parameter("r", "r", "dimensionless", 0.01, 0.0, 1.0, "linear", "residual compression", "setting", fit=False),
     )
     invariants = ("C11", "C22", "C12")
