@@ -28,6 +28,9 @@ def save_strip(folder: Path, payload: Mapping[str, Any]) -> list[str]:
     axes = figure.add_subplot()
     for name, curve in payload["curves"].items():
         axes.plot(curve["strain"], curve["line_force_N_per_m"], _STYLE.get(name, "-."), label=_label(name))
+    largest = [max(map(float, curve["line_force_N_per_m"]), default=0.0) for curve in payload["curves"].values()]
+    if min(largest) > 0 and max(largest) > 50 * min(largest):
+        axes.set_yscale("log")
     axes.set_xlabel("engineering strain")
     axes.set_ylabel("force per undeformed width, N/m")
     axes.set_title(f"{payload['fabric']}, {payload['angle_deg']:.4g}° from the warp")
@@ -64,7 +67,7 @@ def save_cantilever(folder: Path, payload: Mapping[str, Any]) -> list[str]:
     axes.set_ylabel("mm")
     axes.set_title(f"{payload['fabric']}, {payload['standard']}, {payload['angle_deg']:.4g}°", fontsize=10)
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper right")
+    axes.legend(loc="center" if loop else "upper right")
     picture = folder / "cantilever.png"
     figure.savefig(picture, dpi=150)
     return [str(target), str(picture)]
