@@ -129,7 +129,8 @@ def integrate(log_psi0: float, b: float = 0.0, dense: bool = False):
     def exhausted(t, y):
         return 1.0 + 4.0 * b * y[1] - 1e-9
 
-    clamp.terminal = exhausted.terminal = True
+    for event in (clamp, exhausted):
+        event.terminal = True  # type: ignore[attr-defined]
     options = {"method": "DOP853", "rtol": _RTOL, "atol": 1e-15 * min(psi0, 1.0)}
     events = [clamp, exhausted] if b < 0 else [clamp]
     found = solve_ivp(lambda t, y: _rates(t, y, b), (0.0, 200.0), start, events=events, dense_output=dense, **options)

@@ -65,8 +65,8 @@ def signed_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def _cells(nx: int, ny: int, pattern: str):
     x, y = np.meshgrid(np.arange(nx + 1.0), np.arange(ny + 1.0))
     points = np.column_stack([x.ravel(), y.ravel()])
-    i, j = np.meshgrid(np.arange(nx), np.arange(ny))
-    i, j = i.ravel(), j.ravel()
+    columns, rows = np.meshgrid(np.arange(nx), np.arange(ny))
+    i, j = columns.ravel(), rows.ravel()
     a = j * (nx + 1) + i
     b, c, d = a + 1, a + nx + 2, a + nx + 1  # counter-clockwise corners a, b, c, d
     if pattern == "criss":
@@ -88,7 +88,7 @@ def _equilateral(nx: int, ny: int):
         points.append(np.column_stack([x, np.full(len(x), float(j))]))
         rows.append(start + np.arange(len(x)))
         start += len(x)
-    tri = []
+    tri: list[np.ndarray] = []
     for j in range(ny):
         even, odd = (rows[j], rows[j + 1]) if j % 2 == 0 else (rows[j + 1], rows[j])
         one = np.column_stack([even, odd[1:], odd[:-1]])  # between two odd points

@@ -12,7 +12,7 @@ import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -147,7 +147,7 @@ def _read_trimesh(path: Path, suffix: str) -> TriangleMesh:
     from mfar_fem.surface.quality import merge_duplicates
 
     try:
-        mesh = trimesh.load(path, file_type=TRIMESH[suffix], force="mesh", process=False)
+        mesh: Any = trimesh.load(path, file_type=TRIMESH[suffix], force="mesh", process=False)
         vertices, triangles = np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:
         raise DataFileError(f"not a readable {suffix} mesh ({type(error).__name__}: {error})", path) from error

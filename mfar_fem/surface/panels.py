@@ -19,8 +19,8 @@ SYSTEM_PACKAGES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libgomp1
 
 def polygon(corners: Sequence) -> dict[str, np.ndarray]:
     """Straight sides ``side0``, ``side1``, ... between successive corners (k, 2), the last back to the first."""
-    corners = np.asarray(corners, dtype=float)
-    return {f"side{i}": np.array([corners[i], corners[(i + 1) % len(corners)]]) for i in range(len(corners))}
+    points = np.asarray(corners, dtype=float)
+    return {f"side{i}": np.array([points[i], points[(i + 1) % len(points)]]) for i in range(len(points))}
 
 
 def panel(
