@@ -251,7 +251,7 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
     nn, nq, nk, edge_samples = len(shape[0]), len(shape[1]), len(shape[2]), len(shape[3])
     curved, ns, nx = edge_samples > 0, edge_samples + 3, 3 * nn
     nu = nx + nk
-    rows = 6 * nq + 4 * nk + (4 * nq if curved else 0)
+    rows, n_second = 6 * nq, 2 * nk + (2 * nq if curved else 0)
     X = np.empty((nn, 3))
     ci, ce = np.zeros((nq, 3)), np.empty(nk)
     zi, ni, gi = np.empty((nq, 3, nn)), np.empty((nq, 3)), np.empty((nq, 2, 3))
@@ -259,9 +259,9 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
     de, te, le, tau = np.empty((nk, 3)), np.empty((nk, 3)), np.empty(nk), np.empty(nk)
     Js = np.zeros((ns, nu))
     Jk = np.zeros((nk, nu))
-    left = np.zeros((rows, nu))
-    right = np.zeros((rows, nu))
-    K, G = np.zeros((nu, nu)), np.zeros((nn, nn))
+    left, right = np.zeros((rows, nu)), np.zeros((rows, nu))
+    second_left, second_right = np.zeros((n_second, nx)), np.zeros((n_second, nx))
+    K, H, G = np.zeros((nu, nu)), np.zeros((nx, nx)), np.zeros((nn, nn))
     f, fs, fk, Dq, TP = np.zeros(nu), np.empty(ns), np.empty(nk), np.empty((3, 3)), np.empty((3, ns))
     m, Phi, row, edge_t = np.empty(3), np.empty((3, 3)), np.empty(nu), np.empty(3)
     bad = 0
@@ -390,41 +390,29 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
                                 z = m[0] * zi[q, 0, i] + m[1] * zi[q, 1, i] + m[2] * zi[q, 2, i]
                                 s = 0.5 * kappa * (h0 * dN[q, i, 0] + h1 * dN[q, i, 1])
                                 for c in range(3):
-                                    pv = z * gi[q, d, c] + s * ni[q, c]
-                                    rv = dN[q, i, d] * ni[q, c]
-                                    left[used, 3 * i + c] = pv
-                                    right[used, 3 * i + c] = -rv
-                                    left[used + 1, 3 * i + c] = rv
-                                    right[used + 1, 3 * i + c] = -pv
-                            for j in range(nx, nu):
-                                left[used, j] = right[used, j] = left[used + 1, j] = right[used + 1, j] = 0.0
-                            used += 2
+                                    second_left[2 * q + d, 3 * i + c] = -(z * gi[q, d, c] + s * ni[q, c])
+                                    second_right[2 * q + d, 3 * i + c] = dN[q, i, d] * ni[q, c]
             for k in range(nk):
                 v = fk[k]
                 for j in range(nu):
                     f[j] += v * Jk[k, j]
             if want_tangent and exact:
                 for k in range(nk):
-                    v = fk[k]
-                    for d in range(2):
-                        for i in range(nn):
-                            for c in range(3):
-                                pv = v * ve[k, i] * ne[k, 1 + d, c]
-                                rv = edge_dN[k, i, d] * ne[k, 0, c]
-                                left[used, 3 * i + c] = pv
-                                right[used, 3 * i + c] = rv
-                                left[used + 1, 3 * i + c] = rv
-                                right[used + 1, 3 * i + c] = pv
-                        for j in range(nx, nu):
-                            left[used, j] = right[used, j] = left[used + 1, j] = right[used + 1, j] = 0.0
-                        used += 2
+                    v, r = fk[k], 2 * k + (2 * nq if curved else 0)
+                    for i in range(nn):
+                        a0, a1, w = edge_dN[k, i, 0], edge_dN[k, i, 1], v * ve[k, i]
+                        for c in range(3):
+                            second_left[r, 3 * i + c] = w * ne[k, 1, c]
+                            second_left[r + 1, 3 * i + c] = w * ne[k, 2, c]
+                            second_right[r, 3 * i + c] = a0 * ne[k, 0, c]
+                            second_right[r + 1, 3 * i + c] = a1 * ne[k, 0, c]
         if want_tangent:
-            K[:, :] = 0.0
-            for r in range(used):
-                for i in range(nu):
-                    v = left[r, i]
-                    for j in range(nu):
-                        K[i, j] += v * right[r, j]
+            np.dot(left[:used].T, right[:used], K)
+            if with_bending and exact:
+                np.dot(second_left.T, second_right, H)
+                for i in range(nx):
+                    for j in range(nx):
+                        K[i, j] += H[i, j] + H[j, i]
             if with_membrane:
                 G[:, :] = 0.0
                 for k in range(edge_samples):
