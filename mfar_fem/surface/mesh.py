@@ -38,6 +38,10 @@ class Surface:
         Named parts of the boundary, such as ``left``.
     check : bool
         Run the checks of :mod:`mfar_fem.surface.quality` (named errors with the ids of what is wrong).
+    coincident : int array
+        Vertices that may lie on others (the faces of a slit).
+    size : (low, high) or None
+        Plausible range of the largest dimension, m: outside it wrong units are suspected; None: any size is right.
 
     Raises
     ------
@@ -46,7 +50,8 @@ class Surface:
     """
 
     def __init__(self, vertices, triangles, order: int = 1, warp=(1.0, 0.0, 0.0),
-                 midpoint: Callable | None = None, boundary: Mapping | None = None, check: bool = True):
+                 midpoint: Callable | None = None, boundary: Mapping | None = None, check: bool = True,
+                 coincident=(), size: tuple[float, float] | None = (1e-3, 20.0)):
         vertices = np.ascontiguousarray(vertices, dtype=float)
         triangles = np.ascontiguousarray(triangles, dtype=np.int64)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -58,7 +63,7 @@ class Surface:
         if check:
             from mfar_fem.surface.quality import check_surface
 
-            check_surface(vertices, triangles)
+            check_surface(vertices, triangles, coincident=coincident, size=size)
         self.vertices, self.triangles, self.order = vertices, triangles, order
         mesh = MeshTri(vertices.T[:2].copy(), triangles.T.copy(), sort_t=False, validate=False)
         self.edges = np.ascontiguousarray(mesh.facets.T.astype(np.int64))
@@ -81,12 +86,14 @@ class Surface:
         self.boundary = {k: np.asarray(v, dtype=np.int64) for k, v in (boundary or {}).items()}
 
     @classmethod
-    def from_pattern(cls, pattern, order: int = 1, warp=(1.0, 0.0, 0.0), check: bool = True) -> Surface:
+    def from_pattern(cls, pattern, order: int = 1, warp=(1.0, 0.0, 0.0), check: bool = True,
+                     size: tuple[float, float] | None = (1e-3, 20.0)) -> Surface:
         """Surface of a :class:`mfar_fem.surface.patterns.Pattern`; mid-side nodes lie on its mapping."""
         def midpoint(a, b):
-            return pattern.mapping(0.5 * (pattern.uv[a] + pattern.uv[b]))
+            return pattern.midpoints(np.column_stack([a, b]))
 
-        return cls(pattern.vertices, pattern.triangles, order, warp, midpoint, pattern.boundary, check)
+        return cls(pattern.vertices, pattern.triangles, order, warp, midpoint, pattern.boundary, check,
+                   coincident=pattern.boundary.get("slit0", ()), size=size)
 
     def _element_field(self, field) -> np.ndarray:
         field = np.asarray(field, dtype=float)
