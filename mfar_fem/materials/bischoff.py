@@ -34,7 +34,8 @@ class Bischoff(InvariantLaw):
     mu : float
         Chain density times temperature, Pa.
     a, b, c : float
-        Sides of the box in link lengths; equal sides give the isotropic law of Arruda and Boyce at rest. N > 1.
+        Sides of the box in link lengths, N > 1. Equal sides give cubic symmetry, and the law of Arruda and Boyce for
+        stretches along the axes.
 
     Notes
     -----

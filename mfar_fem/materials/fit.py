@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, ParameterError
 from .homogeneous import respond
 from .law import Law
 
@@ -132,6 +132,8 @@ def fit_curves(
     """
     from scipy.optimize import least_squares
 
+    if not curves:
+        raise InputError("no curve to fit")
     if names is None:
         names = [p.name for p in law.parameters if p.fit]
     scaling = Scaling(law, names)
@@ -216,8 +218,6 @@ class _Problem:
     """Residuals and Jacobian in the fit variables, computed together and remembered for the last point."""
 
     def __init__(self, law, curves, scaling, relative):
-        if not curves:
-            raise InputError("no curve to fit")
         self.curves, self.scaling, self.relative = list(curves), scaling, relative
         self._key, self._value = None, None
 
@@ -228,8 +228,6 @@ class _Problem:
         return self._value
 
     def _compute(self, x):
-        from ..errors import ParameterError
-
         slope = self.scaling.slope(self.scaling.to_values(x))
         try:
             law = self.scaling.law(x)

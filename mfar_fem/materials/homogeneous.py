@@ -178,7 +178,8 @@ def _release(law, M, stretch):
         _, _, h = _derivatives(law, now, M)
         rate = -_solve2(h[:, 1:, 1:], h[:, 1:, 0])[0]
         trial = np.column_stack([square, now[:, 1:] + rate * (square - now[:, 0])[:, None]])
-        ok = np.isfinite(law.energy(trial @ M.T))
+        # the tangent predicts too much where C would all but collapse
+        ok = np.isfinite(law.energy(trial @ M.T)) & (_det(trial) > 0.2 * _det(now))
         trial[~ok, 1:] = now[~ok, 1:]
         solved, good = _relax(law, trial, M)
         local[todo[good]] = solved[good]
@@ -186,6 +187,10 @@ def _release(law, M, stretch):
         failed[todo[~good]] = target[~good]
         step[todo] *= np.where(good, 2.0, 0.25)
         step = np.where(np.isfinite(failed), np.clip(step, 2.5e-4, 0.5 * np.maximum(failed - reached, 5e-4)), step)
+
+
+def _det(local):
+    return local[:, 0] * local[:, 1] - local[:, 2] ** 2
 
 
 def _relax(law, local, M, rtol=1e-11, iterations=40):
@@ -203,7 +208,8 @@ def _relax(law, local, M, rtol=1e-11, iterations=40):
         gx = g[todo][:, 1:]
         move, convex = _solve2(h[todo][:, 1:, 1:], gx)
         move = -move
-        length = np.abs(move).max(axis=1)
+        # relative to the smaller eigenvalue of C, so that a collapsing C does not pass for a solution
+        length = np.abs(move).max(axis=1) * local[todo, :2].sum(axis=1) / _det(local[todo])
         done = (length <= rtol) & convex
         close = (length <= 1e-7) & convex  # the energy no longer resolves such a step
         t = np.ones(len(todo))

@@ -64,7 +64,8 @@ class Parameter:
             raise ParameterError(f"{law}: {self.name} = {number} is not finite (unit {self.unit})")
         if not self.lower <= number <= self.upper:
             raise ParameterError(
-                f"{law}: {self.name} = {number:g} {self.unit} is outside its bounds [{self.lower:g}, {self.upper:g}]"
+                f"{law}: {self.name} = {number:g} is outside its bounds [{self.lower:g}, {self.upper:g}] "
+                f"(unit {self.unit}; {self.description})"
             )
         return number
 

@@ -34,32 +34,37 @@ class DrawnCurve:
 
 
 def curves(law: Law, strain: float | None = None, count: int = 101) -> dict[str, DrawnCurve]:
-    """Warp, weft, bias and simple-shear curves up to `strain` or the largest stretch the law reaches below it.
+    """Warp, weft, bias and simple-shear curves.
 
     Parameters
     ----------
     law : Law
     strain : float, optional
-        Largest strain; 0.25 if omitted. A curve that locks before stops at 96 % of the strain it can reach.
+        Largest strain, or what the law reaches below it. If omitted: 0.25, or for a curve that locks before 0.5, 85 %
+        of the strain it reaches.
     count : int
         Points a curve.
     """
     out = {}
     for label, (mode, direction) in _CASES.items():
-        end = 0.25 if strain is None else strain
-        end = _reach(law, mode, direction, end)
-        x = np.linspace(0.0, end, count)
-        r = respond(law, mode, direction, x if mode == "simple-shear" else 1.0 + x, strict=False)
+        x = np.linspace(0.0, _end(law, mode, direction, strain), count)
+        r = _respond(law, mode, direction, x)
         out[label] = DrawnCurve(x[r.converged], r.stress[r.converged])
     return out
 
 
-def _reach(law, mode, direction, end):
-    """The largest strain up to `end` the law reaches, a little short of locking."""
-    x = np.linspace(0.0, end, 201)
-    r = respond(law, mode, direction, x if mode == "simple-shear" else 1.0 + x, strict=False)
-    last = len(x) - 1 if r.converged.all() else max(int(np.argmin(r.converged)) - 1, 1)
-    return float(x[last]) if last == len(x) - 1 else 0.96 * float(x[last])
+def _respond(law, mode, direction, x):
+    return respond(law, mode, direction, x if mode == "simple-shear" else 1.0 + x, strict=False)
+
+
+def _end(law, mode, direction, strain):
+    if strain is not None:
+        return strain
+    x = np.linspace(0.0, 0.5, 201)
+    r = _respond(law, mode, direction, x)
+    if r.converged.all():
+        return 0.25
+    return 0.85 * float(x[max(int(np.argmin(r.converged)) - 1, 1)])
 
 
 def plot_curves(law: Law, drawn: dict[str, DrawnCurve], path: str | Path) -> None:
@@ -74,18 +79,18 @@ def plot_curves(law: Law, drawn: dict[str, DrawnCurve], path: str | Path) -> Non
     if unit == "Pa":
         factor, unit = next((f, u) for f, u in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa"), (0.0, "Pa")) if largest >= f)
         factor = factor or 1.0
-    fig, axes = plt.subplots(1, 2, figsize=(10.0, 4.0), layout="constrained")
-    for label, c in drawn.items():
-        ax = axes[1] if label == "shear" else axes[0]
-        colour, dash = _STYLE[label]
-        ax.plot(100.0 * c.strain, c.stress / factor, dash, color=colour, lw=2.0, label=label)
-    axes[0].set(xlabel="engineering strain / %", ylabel=f"nominal stress / {unit}", title="uniaxial tension")
-    axes[1].set(xlabel="amount of shear / %", ylabel=f"nominal shear stress / {unit}", title="simple shear along the warp")
-    axes[0].legend(frameon=False)
-    for ax in axes:
+    panels = {"along the yarns": ("warp", "weft"), "on the bias (45 degrees)": ("bias",), "simple shear": ("shear",)}
+    fig, axes = plt.subplots(1, 3, figsize=(11.0, 3.6), layout="constrained")
+    for ax, (title, labels) in zip(axes, panels.items(), strict=True):
+        for label in labels:
+            colour, dash = _STYLE[label]
+            ax.plot(100.0 * drawn[label].strain, drawn[label].stress / factor, dash, color=colour, lw=2.0, label=label)
+        ax.set(xlabel="amount of shear / %" if labels == ("shear",) else "engineering strain / %", title=title)
         ax.set_xlim(left=0.0)
         ax.grid(True, lw=0.5, alpha=0.4)
         ax.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylabel(f"nominal stress / {unit}")
+    axes[0].legend(frameon=False)
     fig.suptitle(repr(law), fontsize=9, wrap=True)
     fig.savefig(path, dpi=150)
     plt.close(fig)
