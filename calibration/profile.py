@@ -71,10 +71,22 @@ class _Tracer:
 
     def ssr(self, q: float) -> float:
         if q not in self.points:
-            near = min(self.points, key=lambda x: abs(x - q) if np.isfinite(self.points[x][0]) else np.inf)
-            start = self.points[near][1]
-            self.points[q] = self._refit(q, start)
+            self.points[q] = self._refit(q, self._guess(q))
         return self.points[q][0]
+
+    def _guess(self, q: float) -> dict[str, float]:
+        """The others where they are expected: on the line through the two nearest refits, or along the linear valley."""
+        unknowns = self.f.problem.unknowns
+        done = sorted((x for x in self.points if np.isfinite(self.points[x][0])), key=lambda x: abs(x - q))
+        a = np.array([float(u.to_q(self.points[done[0]][1][u.name])) for u in unknowns])
+        if len(done) > 1:
+            b = np.array([float(u.to_q(self.points[done[1]][1][u.name])) for u in unknowns])
+            slope = (a - b) / (done[0] - done[1])
+        else:
+            own, others = self.f.jacobian[:, self.k], np.delete(self.f.jacobian, self.k, axis=1)
+            slope = np.insert(-np.linalg.lstsq(others, own, rcond=1e-10)[0], self.k, 1.0)
+        moved = a + np.clip(slope * (q - done[0]), -1.0, 1.0) if len(unknowns) > 1 else a
+        return {u.name: float(u.from_q(x)) for u, x in zip(unknowns, moved, strict=True)}
 
     def _refit(self, q: float, start: dict[str, float]) -> tuple[float, dict[str, float]]:
         problem, name = self.f.problem, self.unknown.name
@@ -86,7 +98,7 @@ class _Tracer:
         others = {k: v for k, v in start.items() if k != name}
         try:
             base = base.vary(fabric=base.fabric_at({**others, name: value}))
-            f = fit(base.fixed(name, value), max_evaluations=self.max_evaluations, tolerance=1e-8)
+            f = fit(base.fixed(name, value), max_evaluations=self.max_evaluations, tolerance=1e-6)
         except (ParameterError, MfarError):
             return np.inf, start
         return f.ssr, {**f.parameters, name: value}
@@ -141,7 +153,9 @@ def _sd(f: Fit, k: int, s2: float) -> float:
     own, others = f.jacobian[:, k], np.delete(f.jacobian, k, axis=1)
     free = own - others @ np.linalg.lstsq(others, own, rcond=1e-10)[0] if others.size else own
     sd = np.sqrt(s2) / max(float(np.linalg.norm(free)), 1e-3 * float(np.linalg.norm(own)), 1e-300)
-    size = 1.0 if f.problem.unknowns[k].scale == "log" else max(abs(f.q[k]), 1e-12)
+    u = f.problem.unknowns[k]
+    span = u.upper - u.lower
+    size = 1.0 if u.scale == "log" else max(abs(f.q[k]), 0.2 * span if np.isfinite(span) else 1.0)
     return float(np.clip(sd, 1e-6 * size, size))
 
 

@@ -30,15 +30,16 @@ def parameter_words(f: Fit, name: str, linear: Linear, profile: Profile | None =
     u = f.problem.unknowns[f.problem.names.index(name)]
     value, percent = f.parameters[name], f"{100 * linear.level:g} %"
     head = f"{short(name)}: {number(value, u.unit)}"
+    zero = u.lower == 0.0 and u.scale == "linear"
     open_profile = profile is not None and math.isfinite(profile.threshold)
     if open_profile:
-        parts = [head + "; " + _profile_interval(profile, u.unit, percent)]
+        parts = [head + "; " + _profile_interval(profile, u.unit, percent, zero) + "."]
         low, high = profile.low, profile.high
     else:
         low, high = linear.intervals[name]
         finite = math.isfinite(low) and math.isfinite(high)
         text = f"{percent} interval {number(low)} to {number(high, u.unit)} (linearised)" if finite else "no interval"
-        parts = [f"{head}; {text}" + ("" if finite else ": the Jacobian is singular, the data do not determine it")]
+        parts = [f"{head}; {text}" + ("" if finite else ": the Jacobian is singular, the data do not determine it") + "."]
         if profile is not None and profile.note:
             parts.append(f"Its profile {profile.note}.")
     side = f.at_bounds().get(name)
@@ -54,7 +55,9 @@ def parameter_words(f: Fit, name: str, linear: Linear, profile: Profile | None =
     return " ".join(parts)
 
 
-def _profile_interval(p: Profile, unit: str, percent: str) -> str:
+def _profile_interval(p: Profile, unit: str, percent: str, zero: bool) -> str:
+    if zero and p.low is None and p.high is not None:
+        return f"at most {number(p.high, unit)} at {percent}; zero is not excluded"
     if p.low is None and p.high is None:
         return f"no lower and no upper bound at {percent}: the data do not determine it"
     if p.high is None:
