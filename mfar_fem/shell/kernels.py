@@ -245,9 +245,12 @@ def bending_energy(shape, x, alpha, directors, conn, edge_director, edge_sign, d
 
 @jit
 def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, second, edge_dN, edge_ds, mean, interpolation,
-             push, weights, S, D, with_membrane, with_bending, Ri, Re, c0i, c0e, exact, want_tangent,
+             push, weights, S, S_geometric, D, with_membrane, with_bending, Ri, Re, c0i, c0e, exact, want_tangent,
              alpha_offset, position, gradient, data):
-    """Add residual and tangent of all elements to ``gradient`` and ``data``; the number of elements without a normal."""
+    """Add residual and tangent of all elements to ``gradient`` and ``data``; the number of elements without a normal.
+
+    ``S`` is the stress of the residual, ``S_geometric`` that of the geometric stiffness (the same, but in mixed iterations).
+    """
     nn, nq, nk, edge_samples = len(shape[0]), len(shape[1]), len(shape[2]), len(shape[3])
     curved, ns, nx = edge_samples > 0, edge_samples + 3, 3 * nn
     nu = nx + nk
@@ -262,7 +265,8 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
     left, right = np.zeros((rows, nu)), np.zeros((rows, nu))
     second_left, second_right = np.zeros((n_second, nx)), np.zeros((n_second, nx))
     K, H, G = np.zeros((nu, nu)), np.zeros((nx, nx)), np.zeros((nn, nn))
-    f, fs, fk, Dq, TP = np.zeros(nu), np.empty(ns), np.empty(nk), np.empty((3, 3)), np.empty((3, ns))
+    f, fs, fg, fk = np.zeros(nu), np.empty(ns), np.empty(ns), np.empty(nk)
+    Dq, TP = np.empty((3, 3)), np.empty((3, ns))
     m, Phi, row, edge_t = np.empty(3), np.empty((3, 3)), np.empty(nu), np.empty(3)
     bad = 0
     for el in range(conn.shape[0]):
@@ -293,6 +297,7 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
                     k = edge_samples + ab
                     Js[k, 3 * i], Js[k, 3 * i + 1], Js[k, 3 * i + 2] = a0, a1, a2
             fs[:] = 0.0
+            fg[:] = 0.0
             for q in range(nq):
                 w = weights[el, q]
                 for a in range(3):
@@ -303,6 +308,7 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
                         TP[a, k] = acc
                     for k in range(ns):
                         fs[k] += w * S[el, q, a] * TP[a, k]
+                        fg[k] += w * S_geometric[el, q, a] * TP[a, k]
                 if want_tangent:
                     for a in range(3):
                         for b in range(3):
@@ -416,12 +422,12 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
             if with_membrane:
                 G[:, :] = 0.0
                 for k in range(edge_samples):
-                    v = fs[k]
+                    v = fg[k]
                     if exact or v > 0.0:
                         for i in range(nn):
                             for j in range(nn):
                                 G[i, j] += v * edge_ds[k, i] * edge_ds[k, j]
-                r11, r22, r12 = fs[edge_samples], fs[edge_samples + 1], fs[edge_samples + 2]
+                r11, r22, r12 = fg[edge_samples], fg[edge_samples + 1], fg[edge_samples + 2]
                 if not exact:
                     r11, r22, r12 = _clamp2(r11, r22, r12)
                 for i in range(nn):

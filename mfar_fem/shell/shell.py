@@ -165,7 +165,8 @@ class Shell:
         """Add dW/du to ``out`` (n,): N for positions, N·m for rotations."""
         self._assemble(state, out, np.zeros(0), np.zeros((1, 0), dtype=np.int32), exact=False, tangent=False)
 
-    def hessian(self, state: State, gradient: np.ndarray, data: np.ndarray, positions: np.ndarray, exact: bool) -> None:
+    def hessian(self, state: State, gradient: np.ndarray, data: np.ndarray, positions: np.ndarray, exact: bool,
+                step: np.ndarray | None = None) -> None:
         """Add gradient and tangent in one pass.
 
         Parameters
@@ -175,10 +176,30 @@ class Shell:
             Matrix data of a :class:`mfar_fem.assembly.Pattern` and the positions of this shell's element blocks.
         exact : bool
             True: second derivative of the energy; False: the positive semi-definite approximation of it.
+        step : (n,) array, optional
+            The Newton step that led here. Then the tangent takes its membrane stress from the *linearised* strain of that step
+            (the mixed-integration-point iteration of Magisano, Leonetti, Garcea, CMAME 313 (2017) 986, doi
+            10.1016/j.cma.2016.10.023): the stretch that a linearised rotation leaves behind is gone after the next step, and
+            would only spoil the tangent. The gradient is not affected.
         """
-        self._assemble(state, gradient, data, positions, exact, tangent=True)
+        self._assemble(state, gradient, data, positions, exact, tangent=True, step=step)
 
-    def _assemble(self, state, gradient, data, positions, exact, tangent):
+    def _linearised_response(self, state: State, step: np.ndarray):
+        """Stress and tangent at the strain linearised over ``step``: the strain less its part quadratic in the step."""
+        from mfar_fem.shell import kernels
+
+        g, t = self.geometry, self.geometry.tables
+        quadratic = np.empty((*g.area_weights.shape, 3))
+        kernels.strain(kernels.SHAPES[t.order], step[: self.alpha_offset].reshape(-1, 3), self.surface.elements, t.edge_ds, t.mean,
+                       np.zeros_like(g.samples), t.interpolation, g.push, quadratic)
+        C = (self.right_cauchy_green(state) - quadratic + np.array([1.0, 1.0, 0.0])).reshape(-1, 3)
+        W, S, D = self.fabric.law.evaluate(C, 2)
+        if not np.all(np.isfinite(W)):
+            return None
+        shape, scale = g.area_weights.shape, self.fabric.membrane_scale
+        return scale * S.reshape(*shape, 3), scale * D.reshape(*shape, 3, 3)
+
+    def _assemble(self, state, gradient, data, positions, exact, tangent, step=None):
         from mfar_fem.shell import kernels
 
         g, t = self.geometry, self.geometry.tables
@@ -187,6 +208,11 @@ class Shell:
         else:
             S = np.zeros((*g.area_weights.shape, 3))
             D = None
+        S_geometric = S
+        if self.with_membrane and tangent and step is not None:
+            linearised = self._linearised_response(state, step)
+            if linearised is not None:
+                S_geometric, D = linearised
         if D is None:
             D = np.zeros((1, 1, 3, 3)) if not tangent else np.zeros((*S.shape, 3))
         if not tangent:
@@ -195,7 +221,7 @@ class Shell:
         directors = state.directors if self.with_bending else np.zeros((1, 3))
         kernels.assemble(kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements,
                          g.edge_director, g.edge_sign, *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights,
-                         np.ascontiguousarray(S), np.ascontiguousarray(D), self.with_membrane, self.with_bending,
+                         np.ascontiguousarray(S), np.ascontiguousarray(S_geometric), np.ascontiguousarray(D), self.with_membrane, self.with_bending,
                          g.R_interior, g.R_edge, g.c0_interior, g.c0_edge, exact, tangent, self.alpha_offset, positions,
                          gradient, data)
 

@@ -31,6 +31,8 @@ class NewtonOptions:
         ``ε |K| |u|``; the residual reached is always reported.
     max_iterations : int
         Of the descent; ``plain_iterations`` those of the plain steps tried before it (0: none).
+    plain_cuts : int
+        How often a load step is halved after plain steps failed before the descent is tried.
     tangent : {'auto', 'safe', 'exact'}
         ``auto`` switches as described; the others keep one (``exact`` still falls back to ``safe`` on ascent).
     max_rotation : float
@@ -44,7 +46,8 @@ class NewtonOptions:
     rtol: float = 1e-8
     atol: float = 1e-13
     max_iterations: int = 60
-    plain_iterations: int = 16
+    plain_iterations: int = 12
+    plain_cuts: int = 2
     tangent: str = "auto"
     max_rotation: float = 1.0
     max_backtracks: int = 30
@@ -76,14 +79,16 @@ class NewtonResult:
         return self.status == "converged"
 
 
-def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = DEFAULT_OPTIONS) -> NewtonResult:
+def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = DEFAULT_OPTIONS,
+           descend: bool = True) -> NewtonResult:
     """Solve for equilibrium at load factor ``lam``; the held unknowns of ``state`` must have their values.
 
     Returns
     -------
     NewtonResult
-        With ``status`` ``converged``, ``iteration limit``, ``line search failed``, ``singular tangent`` or ``inadmissible
-        start`` (locking or a collapsed element); ``state`` is the best admissible state and never contains NaN.
+        With ``status`` ``converged``, ``iteration limit``, ``line search failed``, ``singular tangent``, ``plain steps failed``
+        (with ``descend=False``) or ``inadmissible start`` (locking or a collapsed element); ``state`` is the best admissible state
+        and never contains NaN.
     """
     energy = problem.energy(state, lam)
     out = NewtonResult(state, "inadmissible start", 0, np.inf, np.inf)
@@ -92,7 +97,9 @@ def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = 
     solver = _solver(problem, state, options)
     if options.plain_iterations > 0 and options.tangent != "safe":
         _plain(problem, state, lam, energy, solver, options, out)
-    if not out.converged:
+    if not out.converged and not descend:
+        out.status = "plain steps failed"
+    elif not out.converged:
         plain, out.residuals = out.iterations, []
         _descent(problem, state, lam, energy, solver, options, out)
         out.iterations += plain
@@ -101,10 +108,11 @@ def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = 
     return out
 
 
-def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: NewtonOptions, out: NewtonResult):
+def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: NewtonOptions, out: NewtonResult,
+              step: np.ndarray | None = None):
     """Gradient and tangent data at ``state``; records the residual and whether it is below tolerance."""
     clock = time.perf_counter()
-    g, data = problem.tangent(state, lam, exact)
+    g, data = problem.tangent(state, lam, exact, step)
     out.assembly_s += time.perf_counter() - clock
     residual, reference = _residual(problem, state, lam, g)
     out.assemblies += 1
@@ -119,9 +127,9 @@ def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: 
 
 def _plain(problem, start, lam, energy, solver, options, out) -> None:
     """Full exact steps from ``start``; ``out`` is converged only if the energy ended below its start."""
-    state, best = start, np.inf
+    state, best, step = start, np.inf, None
     for iteration in range(options.plain_iterations + 1):
-        g, data, _, done = _evaluate(problem, state, lam, True, options, out)
+        g, data, _, done = _evaluate(problem, state, lam, True, options, out, step)
         out.iterations = iteration
         if done:
             end = problem.energy(state, lam)

@@ -114,10 +114,10 @@ class Problem:
             load.gradient(self.shell, state, lam, g)
         return g
 
-    def tangent(self, state: State, lam: float, exact: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient (n,) and tangent data (pattern.nnz,)."""
+    def tangent(self, state: State, lam: float, exact: bool, step: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (n,) and tangent data (pattern.nnz,); ``step`` as in :meth:`mfar_fem.shell.Shell.hessian`."""
         g, data = np.zeros(self.n), np.zeros(self.pattern.nnz)
-        self.shell.hessian(state, g, data, self.pattern.positions[0], exact)
+        self.shell.hessian(state, g, data, self.pattern.positions[0], exact, step)
         for load in self.loads:
             load.gradient(self.shell, state, lam, g)
             if id(load) in self._positions:

@@ -85,7 +85,7 @@ def _gradient(shell, state: State, out: np.ndarray, S=None, R=None) -> None:
     directors = state.directors if shell.with_bending else np.zeros((1, 3))
     shell_kernels.assemble(shell_kernels.SHAPES[t.order], shell.positions(state), alpha, directors, shell.surface.elements,
                            g.edge_director, g.edge_sign, t.dN, t.second, t.edge_dN, t.edge_ds, t.mean, t.interpolation, g.push,
-                           g.area_weights, S, np.zeros((1, 1, 3, 3)), membrane, not membrane, R_interior, R_edge,
+                           g.area_weights, S, S, np.zeros((1, 1, 3, 3)), membrane, not membrane, R_interior, R_edge,
                            g.c0_interior, g.c0_edge, True, False, shell.alpha_offset, np.zeros((1, 1), dtype=np.int32), out,
                            np.zeros(0))
 

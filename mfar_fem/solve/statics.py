@@ -55,6 +55,7 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
     totals = {"iterations": 0, "wasted": 0, "assemblies": 0, "assembly": 0.0, "solve": 0.0}
     status = "converged"
     previous: tuple[State, float] | None = None
+    cuts = 0
     for level in levels:
         while lam != level and status == "converged":
             direction = np.sign(level - lam)
@@ -64,14 +65,15 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
             if target != level and abs(level - target) < 0.1 * step:
                 target = 0.5 * (lam + level)
             guess = _predict(problem, state, lam, target, previous, options)
-            result = newton(problem, guess, target, options) if guess is not None else None
+            descend = cuts >= options.plain_cuts or options.plain_iterations == 0 or options.tangent == "safe"
+            result = newton(problem, guess, target, options, descend) if guess is not None else None
             if result is not None:
                 totals["assemblies"] += result.assemblies
                 totals["assembly"] += result.assembly_s
                 totals["solve"] += result.solve_s
                 notes += result.notes
             if result is not None and result.converged:
-                previous = (state, lam)
+                previous, cuts = (state, lam), 0
                 taken = abs(target - lam)
                 state, lam = problem.shell.accept(result.state), float(target)
                 totals["iterations"] += result.iterations
@@ -84,6 +86,7 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
                     progress(lam)
                 continue
             totals["wasted"] += 0 if result is None else result.iterations
+            cuts += 1
             step = 0.5 * abs(target - lam)
             if step < min_step * max(1.0, abs(level)):
                 status = _failure(result)
