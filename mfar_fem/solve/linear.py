@@ -35,10 +35,12 @@ class LinearSolver:
         Relative residual of the iterative solver.
     max_iterations : int
         Of the iterative solver, before it falls back to the direct one.
+    cache : dict, optional
+        Kept by the caller between solves of matrices with one pattern: PARDISO's symbolic factorisation lives there.
     """
 
     def __init__(self, method: str = "direct", near_nullspace: np.ndarray | None = None, rtol: float = 1e-8,
-                 max_iterations: int = 500):
+                 max_iterations: int = 500, cache: dict | None = None):
         if method not in METHODS:
             raise InputError(f"unknown linear solver '{method}'; choose one of {', '.join(METHODS)}")
         if method == "direct":
@@ -46,6 +48,7 @@ class LinearSolver:
         elif method == "pardiso" and _pardiso() is None:
             raise MissingDependencyError("linear solver 'pardiso' needs pypardiso: pip install 'mfar-fem[fast]' (x86-64)")
         self.method, self.near_nullspace, self.rtol, self.max_iterations = method, near_nullspace, rtol, max_iterations
+        self.cache = {} if cache is None else cache
         self.notes: list[str] = []
         self.iterations = 0
 
@@ -72,18 +75,15 @@ class LinearSolver:
         return lu.solve
 
     def _pardiso_factor(self, A: csr_matrix):
-        solver = _pardiso()(mtype=11)
-        solver.set_iparm(24, 0)
-        matrix = csr_matrix(A)
+        from mfar_fem.solve.pardiso import SymmetricPardiso
+
+        solver = self.cache.get("pardiso")
+        if solver is None or not solver.fits(A):
+            solver = self.cache["pardiso"] = SymmetricPardiso(A)
         try:
-            solver.factorize(matrix)
-        except Exception as error:
+            return solver.factor(A)
+        except ArithmeticError as error:
             raise SingularMatrixError(str(error)) from error
-
-        def solve(b):
-            return solver.solve(matrix, np.asarray(b, dtype=float))
-
-        return solve
 
     def _amg(self, A: csr_matrix):
         import pyamg

@@ -194,7 +194,7 @@ def _solver(problem: Problem, state: State, options: NewtonOptions) -> LinearSol
 
         modes = rigid_body_modes(problem.shell, state)[problem.free]
         modes = modes[:, np.linalg.norm(modes, axis=0) > 0]
-    return LinearSolver(options.linear_solver, modes)
+    return LinearSolver(options.linear_solver, modes, cache=problem.linear_cache)
 
 
 def _residual(problem: Problem, state: State, lam: float, g: np.ndarray) -> tuple[float, float]:

@@ -46,6 +46,7 @@ class Problem:
         blocks = [load for load in self.loads if load.element_dofs is not None]
         self.pattern = Pattern(self.shell.n, [self.shell.element_dofs] + [b.element_dofs for b in blocks])
         self._positions = dict(zip([id(b) for b in blocks], self.pattern.positions[1:], strict=True))
+        self.linear_cache: dict = {}
         self.conservative = all(load.conservative for load in self.loads)
 
     def _collect_supports(self) -> None:

@@ -1,0 +1,60 @@
+"""PARDISO for symmetric indefinite matrices of one pattern: the symbolic factorisation is made once and reused (extra ``fast``)."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+SYMMETRIC_INDEFINITE = -2
+ANALYSE, FACTORISE, SOLVE = 11, 22, 33
+
+
+class SymmetricPardiso:
+    """Factorisations of symmetric matrices that share the pattern of ``A``; only the upper triangle is used."""
+
+    def __init__(self, A: csr_matrix):
+        from pypardiso import PyPardisoSolver
+
+        self._indices, self._indptr = A.indices, A.indptr
+        rows = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
+        self._upper = np.flatnonzero(A.indices >= rows)
+        counts = np.bincount(rows[self._upper], minlength=A.shape[0])
+        self._triangle = (A.indices[self._upper].astype(np.int32), np.concatenate([[0], np.cumsum(counts)]).astype(np.int32))
+        self._solver = PyPardisoSolver(mtype=SYMMETRIC_INDEFINITE)
+        for parameter, value in ((1, 1), (2, 2), (8, 2), (10, 8), (11, 1), (13, 1), (24, 0)):
+            self._solver.set_iparm(parameter, value)
+        self._analysed = False
+        weakref.finalize(self, self._solver.free_memory, everything=True)
+
+    def fits(self, A: csr_matrix) -> bool:
+        """Whether ``A`` has the pattern that was analysed."""
+        same = A.indices is self._indices and A.indptr is self._indptr
+        return same or (np.array_equal(A.indptr, self._indptr) and np.array_equal(A.indices, self._indices))
+
+    def factor(self, A: csr_matrix) -> Callable[[np.ndarray], np.ndarray]:
+        """Factorise; the result solves for (n,) or (n, k). It is valid until the next call.
+
+        Raises
+        ------
+        ArithmeticError
+            If PARDISO reports an error (zero pivot).
+        """
+        from pypardiso.pardiso_wrapper import PyPardisoError
+
+        upper = csr_matrix((A.data[self._upper], *self._triangle), shape=A.shape, copy=False)
+        zero = np.zeros(A.shape[0])
+        try:
+            if not self._analysed:
+                self._call(ANALYSE, upper, zero)
+                self._analysed = True
+            self._call(FACTORISE, upper, zero)
+        except PyPardisoError as error:
+            raise ArithmeticError(f"PARDISO: {error}") from error
+        return lambda b: self._call(SOLVE, upper, np.asfortranarray(b, dtype=float))
+
+    def _call(self, phase: int, matrix: csr_matrix, b: np.ndarray) -> np.ndarray:
+        self._solver.set_phase(phase)
+        return self._solver._call_pardiso(matrix, b)
