@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -187,6 +187,7 @@ def fit(
             evaluations += used
         else:
             q, converged, status = q0, known["status"] == "converged", known["status"]
+        q = _snapped(problem, q)
         r, J, predictions = problem.evaluate(q)
         cost = 0.5 * float(r @ r)
         if np.isfinite(cost) and (best is None or cost < best.cost * (1 - 1e-12)):
@@ -196,13 +197,16 @@ def fit(
             f"{problem.fabric.law.name}: the forward model reaches all readings at none of the starting values tried; "
             "give other initial values or raise the number of starts"
         )
-    return _with(best, n_evaluations=evaluations)
+    return replace(best, n_evaluations=evaluations)
 
 
-def _with(f: Fit, **changes) -> Fit:
-    from dataclasses import replace
-
-    return replace(f, **changes)
+def _snapped(problem: Problem, q: np.ndarray) -> np.ndarray:
+    """Linear-scaled values that ended a hair inside a bound, as the interior method leaves them, put on it."""
+    low, high = problem.bounds()
+    linear = np.array([u.scale != "log" for u in problem.unknowns]) & np.isfinite(high - low)
+    near = 1e-8 * np.where(linear, high - low, 0.0)
+    q = np.where(linear & (q - low < near), low, q)
+    return np.where(linear & (high - q < near), high, q)
 
 
 def _run(problem, q0, state, key, max_evaluations, tolerance, progress):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import functools
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,22 +29,32 @@ STYLE = {
 }
 
 
+def styled(function):
+    """Runs a plotting function in the house style."""
+
+    @functools.wraps(function)
+    def inside(*args, **settings):
+        import matplotlib
+
+        with matplotlib.rc_context(STYLE):
+            return function(*args, **settings)
+
+    return inside
+
+
 def colour(e: Experiment, index: int = 0) -> str:
     """Colour of a direction."""
     return COLOURS.get(e.direction_name, OTHERS[index % len(OTHERS)])
 
 
 def figure(rows: int = 1, columns: int = 1, width: float = 7.0, height: float = 4.0):
-    """A figure with axes, shape (rows, columns), in the house style."""
-    import matplotlib
+    """A figure with axes, shape (rows, columns)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(STYLE):
-        fig = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(fig)
-        axes = fig.subplots(rows, columns, squeeze=False)
-    return fig, axes
+    fig = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(fig)
+    return fig, fig.subplots(rows, columns, squeeze=False)
 
 
 def save(fig, folder: Path, name: str) -> list[str]:
@@ -56,6 +67,7 @@ def save(fig, folder: Path, name: str) -> list[str]:
     return [f"{name}.png", f"{name}.svg"]
 
 
+@styled
 def as_data_uri(fig) -> str:
     """The figure as a PNG data URI, for a page that needs no other file."""
     stream = io.BytesIO()
@@ -63,6 +75,7 @@ def as_data_uri(fig) -> str:
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
+@styled
 def curves(experiments: Sequence[Experiment], predictions: Mapping[str, Sequence[np.ndarray]], title: str = ""):
     """Measured points and predicted lines, one panel an experiment.
 
@@ -90,6 +103,7 @@ def curves(experiments: Sequence[Experiment], predictions: Mapping[str, Sequence
     return fig
 
 
+@styled
 def residual_plot(experiments: Sequence[Experiment], predicted: Sequence[np.ndarray]):
     """Prediction minus measurement in % of the range, over strain as a fraction of each curve's largest."""
     fig, axes = figure(1, 1, 7.0, 2.8)
@@ -104,10 +118,11 @@ def residual_plot(experiments: Sequence[Experiment], predicted: Sequence[np.ndar
     return fig
 
 
+@styled
 def correlation_map(names: Sequence[str], correlation: np.ndarray):
     """Heat map of the parameters' correlation with its numbers."""
     p = len(names)
-    fig, axes = figure(1, 1, 1.6 + 0.62 * p, 1.1 + 0.55 * p)
+    fig, axes = figure(1, 1, 2.2 + 0.55 * p, 1.2 + 0.5 * p)
     ax = axes[0, 0]
     ax.grid(False)
     image = ax.imshow(np.nan_to_num(correlation), cmap="RdBu_r", vmin=-1, vmax=1)
@@ -123,6 +138,7 @@ def correlation_map(names: Sequence[str], correlation: np.ndarray):
     return fig
 
 
+@styled
 def profile_plots(profiles: Mapping, units: Mapping[str, str], scales: Mapping[str, str]):
     """Profiles: sqrt(delta) over the parameter, with the level of the interval."""
     shown = {k: p for k, p in profiles.items() if np.isfinite(p.threshold)}
@@ -147,12 +163,15 @@ def profile_plots(profiles: Mapping, units: Mapping[str, str], scales: Mapping[s
         unit = units.get(name, "")
         ax.set_xlabel(short(name) + (f" ({unit})" if unit not in ("", "dimensionless") else ""))
         ax.tick_params(labelsize=7)
+        if ax.get_xscale() == "linear":
+            ax.locator_params(axis="x", nbins=4)
     for ax in list(axes.flat)[len(shown) :]:
         ax.set_visible(False)
     fig.supylabel("√(ΔSSR / s²)", fontsize=9)
     return fig
 
 
+@styled
 def law_bars(rows: Sequence[Mapping]):
     """RMSE of every fitted law, overall and by experiment."""
     rows = [r for r in rows if "rmse_by_experiment" in r]
@@ -173,6 +192,7 @@ def law_bars(rows: Sequence[Mapping]):
     return fig
 
 
+@styled
 def interval_bars(rows: Sequence[Mapping]):
     """Error by strain interval, one group an experiment (rows of `calibration.validation.by_interval`)."""
     names = list(dict.fromkeys(r["experiment"] for r in rows))

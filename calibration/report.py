@@ -86,7 +86,7 @@ def payload(study: Study) -> dict:
 
 def figures(study: Study) -> dict:
     """All pictures of a study by name."""
-    f, dataset = study.fit, study.dataset
+    f = study.fit
     fitted = list(f.problem.experiments)
     shown = {f"{study.best.law} ({study.level})": [p.y for p in f.predictions]}
     if study.level != "homogeneous":
@@ -114,7 +114,6 @@ def figures(study: Study) -> dict:
         out["intervals"] = plots.interval_bars(study.intervals)
     if study.level != "homogeneous" and len(study.levels["homogeneous"]) > 1:
         out["laws_homogeneous"] = plots.law_bars([r.to_dict() for r in study.levels["homogeneous"]])
-    assert dataset is not None
     return out
 
 

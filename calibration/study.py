@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from calibration.bootstrap import Bootstrap, bootstrap
+from calibration.bootstrap import METHODS, Bootstrap, bootstrap
 from calibration.compare import LawResult, compare, law_problems
 from calibration.experiments import Dataset
 from calibration.fit import Fit
@@ -150,6 +150,8 @@ def calibrate(
         raise InputError(f"dataset '{dataset.name}' has no experiment of role 'fit'")
     if fe_laws not in ("best", "all"):
         raise InputError(f"unknown choice of laws '{fe_laws}' for the second level; known: best, all")
+    if replicates and bootstrap_method not in METHODS:
+        raise InputError(f"unknown bootstrap method '{bootstrap_method}'; known: {', '.join(METHODS)}")
     if not laws:
         raise InputError("no law to fit; name at least one")
     base = template_fabric(dataset, laws[0], fabric)
