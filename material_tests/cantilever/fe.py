@@ -135,7 +135,7 @@ def option_a(fabric, angle: float = 0.0, width: float = WIDTH, fidelity: str = "
     expected = elastica.overhang(rigidity, weight, chord)
     length, state, iterations = expected, None, 0
     tried: list[tuple[float, float]] = []
-    for solves in range(1, max_solves + 1):
+    for _ in range(max_solves):
         problem = _strip(fabric, length, width, angle, _cells(fidelity, cells), free, gravity)
         gamma = weight * length**3 / rigidity
 
@@ -155,8 +155,9 @@ def option_a(fabric, angle: float = 0.0, width: float = WIDTH, fidelity: str = "
                                 f"{math.degrees(reached):.5g} degrees at {1e3 * length:.4g} mm")
     standard = elastica.standard_bending_length(length)
     return CantileverFE(
-        "A", angle, weight, narrow, wide, length, expected, elastica.rigidity(length, weight, chord), standard, weight * standard**3,
-        reached, *_measures(problem, state), "converged", iterations, solves, time.perf_counter() - clock,
+        "A", angle, weight, narrow, wide, length, expected, elastica.rigidity(length, weight, chord), standard,
+        weight * standard**3, reached, *_measures(problem, state), "converged", iterations, len(tried) + 1,
+        time.perf_counter() - clock,
         *_centre_line(problem, state), problem, state)
 
 
@@ -183,7 +184,7 @@ def option_b(fabric, angle: float = 0.0, loop_length: float = LOOP_LENGTH, width
     narrow, wide = fabric.bending.along(angle, True), fabric.bending.along(angle, False)
     loop = heart_loop.solve(loop_length / elastica.bending_length(narrow, weight))
     nx, ny = _cells(fidelity, None)
-    surface = _surface(half, width, angle, (2 * nx, ny))
+    surface = _surface(half, width, angle, (4 * nx, ny))  # it turns by 270 degrees
     supports = [Clamp("left", normal=(-1.0, 0.0, 0.0)),
                 Clamp("right", displacement=(-half, 0.0, 0.0), normal=(0.0, 0.0, -1.0), components=(0,))]
     problem = Problem(surface, fabric, supports, [gravity_load(fabric.areal_density, (0.0, 0.0, -gravity))])
