@@ -30,6 +30,8 @@ SHORT_HELP = {
     "calibrate": "Fit laws to measured curves by inverse finite elements and write a report.",
     "validate": "Compare a fabric's prediction with measured curves, without fitting.",
     "benchmark": "Shell benchmarks with exact or published references, and timings.",
+    "study": "Longer studies: synthetic round trip, every law on the cupro curves, sensitivities.",
+    "mesh": "Triangle meshes: check one, convert it, make strips, discs and annuli.",
 }
 
 # The click that this typer is built on (its own copy in recent versions).
