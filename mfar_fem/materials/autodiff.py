@@ -33,7 +33,7 @@ class EnergyLaw(Law):
 
     name = "energy"
     basis = "volume"
-    parameters = ()
+    parameters: tuple[Parameter, ...] = ()  # type: ignore[misc]
 
     def __init__(self, func: Callable, parameters, basis: str, name: str, values: Mapping, spec=None):
         object.__setattr__(self, "func", func)
@@ -111,7 +111,7 @@ class EnergyLaw(Law):
     def stress_sensitivity(self, C, names: Sequence[str]):
         arguments, _, ok = self._arguments(C)
         out = np.zeros((len(ok), 3, len(names)))
-        position = {p.name: 3 + i for i, p in enumerate(self.parameters)}
+        position = {row.name: 3 + i for i, row in enumerate(self.parameters)}
         for p, name in enumerate(names):
             self.parameter(name)
             with np.errstate(all="ignore"):

@@ -6,6 +6,8 @@ import csv
 from importlib import resources
 from typing import Any
 
+import numpy as np
+
 from .arruda_boyce import ArrudaBoyce
 from .fit import Curve, fit_curves
 
@@ -24,8 +26,8 @@ def treloar_curves() -> tuple[list[Curve], str]:
     curves = []
     for mode in ("uniaxial", "equibiaxial", "planar"):
         own = [r for r in rows if r["mode"] == mode]
-        stretch = [float(r["stretch"]) for r in own]
-        stress = [1e6 * float(r["nominal_stress_MPa"]) for r in own]
+        stretch = np.array([float(r["stretch"]) for r in own])
+        stress = 1e6 * np.array([float(r["nominal_stress_MPa"]) for r in own])
         curves.append(Curve(mode, "warp", stretch, stress, name=mode))
     return curves, rows[0]["source"]
 
