@@ -52,7 +52,7 @@ def make(
     width: Annotated[str, typer.Option(help="Width of a strip.")] = "50 mm",
     inner: Annotated[str, typer.Option(help="Inner radius of an annulus.")] = "90 mm",
     outer: Annotated[str, typer.Option(help="Radius of a disc, outer radius of an annulus.")] = "150 mm",
-    cells: Annotated[str, typer.Option(help="Cells, AxB: along and across, or radially and around; one number for a disc.")] = "16x4",
+    cells: Annotated[str, typer.Option(help="Cells AxB: along x across, radially x around; one number for a disc.")] = "16x4",
 ) -> None:
     """Make the mesh of a strip, disc or annulus (no other mesher needed)."""
     from mfar_fem.errors import InputError

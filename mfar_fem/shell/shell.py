@@ -221,7 +221,8 @@ class Shell:
         directors = state.directors if self.with_bending else np.zeros((1, 3))
         kernels.assemble(kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements,
                          g.edge_director, g.edge_sign, *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights,
-                         np.ascontiguousarray(S), np.ascontiguousarray(S_geometric), np.ascontiguousarray(D), self.with_membrane, self.with_bending,
+                         np.ascontiguousarray(S), np.ascontiguousarray(S_geometric), np.ascontiguousarray(D),
+                         self.with_membrane, self.with_bending,
                          g.R_interior, g.R_edge, g.c0_interior, g.c0_edge, exact, tangent, self.alpha_offset, positions,
                          gradient, data)
 
