@@ -1,0 +1,33 @@
+"""Pinched cylinder on rigid diaphragms: R 100, L 200, h 1, E 3e4, ν 0.3, P 12000, one octant (Sze, Liu, Lo 2004, section 3.6)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mfar_fem.benchmarks.case import Case, final, sheet
+from mfar_fem.loads import nodal_force
+from mfar_fem.solve import NewtonOptions, Problem
+from mfar_fem.supports import Hinge, Symmetry
+from mfar_fem.surface import Surface
+from mfar_fem.surface.patterns import cylinder
+
+DEFAULT_MESH = (16, 16)
+NOTE = ("the cylinder snaps several times on the way, and coarse meshes snap more often; the whole load is put on at once and the energy "
+        "followed downhill, so the path is none and the equilibrium reached is a stable one, not necessarily that of slow loading")
+
+
+def build(order: int, nx: int, ny: int, **triangulation) -> Case:
+    """The benchmark: nx cells round a quarter, ny along half the length; a quarter of P on the octant."""
+    pattern = cylinder(100.0, 100.0, (0.0, 0.5 * np.pi), nx, ny, **triangulation)
+    surface = Surface.from_pattern(pattern, order, (0.0, 1.0, 0.0), size=None)
+    a, b = surface.boundary["left"][0], surface.boundary["right"][0]
+    supports = [Symmetry("left", 0), Symmetry("right", 2), Symmetry("bottom", 1), Hinge("top", (0, 2))]
+    problem = Problem(surface, sheet(30e3, 0.3, 1.0), supports, [nodal_force([a], [0.0, 0.0, -3000.0])])
+
+    def measure(shell, state):
+        d = shell.positions(state) - surface.nodes
+        return {"-W at A": -d[a, 2], "U at B": d[b, 0]}
+
+    return Case(problem, measure, lambda: (final("pinched-cylinder", "sze2004"), {}),
+                "Sze, Liu, Lo 2004 (48x48; a finite-element solution)",
+                options=NewtonOptions(max_iterations=200, plain_iterations=0), note=NOTE)
