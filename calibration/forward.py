@@ -64,6 +64,8 @@ Factory = Callable[[Experiment], ForwardModel]
 _LEVELS: dict[str, Factory | str] = {
     "homogeneous": "calibration.homogeneous:model",
     "fe": "calibration.finite_element:model",
+    "fe-draft": "calibration.finite_element:draft",
+    "fe-reference": "calibration.finite_element:reference",
 }
 
 

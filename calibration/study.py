@@ -10,6 +10,7 @@ from pathlib import Path
 from calibration.bootstrap import METHODS, Bootstrap, bootstrap
 from calibration.compare import LawResult, compare, law_problems
 from calibration.experiments import Dataset
+from calibration.finite_element import refine
 from calibration.fit import Fit
 from calibration.profile import Profile, profiles
 from calibration.runs import SERIAL, Workers
@@ -124,7 +125,8 @@ def calibrate(
     fabric : Fabric, optional
         Thickness, areal density and bending; by default from the dataset.
     level : str
-        'homogeneous', or 'fe' (any registered level): refitted there, each law started from its homogeneous answer.
+        'homogeneous', or 'fe' (any registered level): refitted there, each law started from its homogeneous answer and
+        from its initial values (`calibration.finite_element.refine`).
     fe_laws : {'best', 'all'}
         Which laws are refitted at the second level.
     replicates : int
@@ -169,10 +171,8 @@ def calibrate(
         raise NotConvergedError(f"no law could be fitted: {'; '.join(f'{r.law}: {r.error}' for r in first)}")
     if level != "homogeneous":
         chosen = [r for r in first if r.fit is not None][: 1 if fe_laws == "best" else None]
-        second = [r.fit.problem.started_at(r.fit.parameters).vary(level=level, fabric=r.fit.fabric) for r in chosen]
-        levels[level] = compare(
-            second, starts=1, rescale=False, checkpoints=files(level, second), progress=at(f"{level} fits"), **common
-        )
+        second = {"max_evaluations": max_evaluations, "resume": resume, "where": where}
+        levels[level] = refine(problems, chosen, level, folder=checkpoints, progress=at(f"{level} fits"), **second)
         if levels[level][0].fit is None:
             reasons = "; ".join(f"{r.law}: {r.error}" for r in levels[level])
             raise NotConvergedError(f"no law could be fitted at the level '{level}': {reasons}")
