@@ -29,7 +29,8 @@ def build(order: int, nx: int, ny: int, slenderness: float = 0.01, **triangulati
         return {"-U": -d[0], "W": d[2]}
 
     def references():
-        exact, inextensible = (dict(zip(("-U", "W"), cantilever(LOAD, LENGTH, EI, EA), strict=True)) for EA in (E * WIDTH * h, np.inf))
+        both = (cantilever(LOAD, LENGTH, EI, EA) for EA in (E * WIDTH * h, np.inf))
+        exact, inextensible = (dict(zip(("-U", "W"), values, strict=True)) for values in both)
         others = {"exact inextensible elastica": inextensible}
         if slenderness == 0.01:
             others["Sze, Liu, Lo 2004 (finite elements with shear, 16x1)"] = final("cantilever-shear", "sze2004")

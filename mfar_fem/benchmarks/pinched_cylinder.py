@@ -12,8 +12,8 @@ from mfar_fem.surface import Surface
 from mfar_fem.surface.patterns import cylinder
 
 DEFAULT_MESH = (16, 16)
-NOTE = ("the cylinder snaps several times on the way, and coarse meshes snap more often; the whole load is put on at once and the energy "
-        "followed downhill, so the path is none and the equilibrium reached is a stable one, not necessarily that of slow loading")
+NOTE = ("the cylinder snaps several times on the way, and coarse meshes snap more often; the whole load is put on at once and the "
+        "energy followed downhill: the equilibrium reached is a stable one, not necessarily that of slow loading")
 
 
 def build(order: int, nx: int, ny: int, **triangulation) -> Case:
