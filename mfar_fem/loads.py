@@ -33,7 +33,8 @@ class DeadLoad:
     element_dofs = None
 
     def __init__(self, assemble, ramp: bool = True):
-        self._assemble, self.ramp, self._force = assemble, ramp, None
+        self._assemble, self.ramp = assemble, ramp
+        self._force = self._reference = np.zeros(0)
 
     def bind(self, shell: Shell) -> None:
         """Compute the force vector on ``shell``."""

@@ -67,9 +67,9 @@ def make(
     if len(counts) != (1 if kind == "disc" else 2):
         raise InputError(f"--cells '{cells}': a {kind} takes {'one number' if kind == 'disc' else 'two numbers, 16x4'}")
     if kind == "strip":
-        pattern = patterns.strip(parse(length, "m"), parse(width, "m"), *counts)
+        pattern = patterns.strip(parse(length, "m"), parse(width, "m"), counts[0], counts[1])
     elif kind == "annulus":
-        pattern = patterns.annulus(parse(inner, "m"), parse(outer, "m"), *counts)
+        pattern = patterns.annulus(parse(inner, "m"), parse(outer, "m"), counts[0], counts[1])
     elif kind == "disc":
         pattern = patterns.disc(parse(outer, "m"), counts[0])
     else:

@@ -44,19 +44,19 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
     StaticResult
         Never raises for a failure to converge: see ``status``.
     """
-    levels = np.arange(1, levels + 1) / levels if isinstance(levels, (int, np.integer)) else np.asarray(levels, dtype=float)
-    if len(levels) == 0 or not np.all(np.isfinite(levels)):
+    targets = np.arange(1, levels + 1) / levels if isinstance(levels, int) else np.asarray(levels, dtype=float)
+    if len(targets) == 0 or not np.all(np.isfinite(targets)):
         raise InputError("levels must be a positive number of steps or a sequence of finite load factors")
     clock = time.perf_counter()
     state, lam = start or problem.start(), float(start_lam)
     step = abs(initial_step) if initial_step else None
     steps: list[LoadStep] = [_record(problem, state, lam, None, False)]
     notes: list[str] = []
-    totals = {"iterations": 0, "wasted": 0, "assemblies": 0, "assembly": 0.0, "solve": 0.0}
+    iterations = wasted = assemblies = cuts = 0
+    timings = {"assembly": 0.0, "solve": 0.0}
     status = "converged"
     previous: tuple[State, float] | None = None
-    cuts = 0
-    for level in levels:
+    for level in targets:
         while lam != level and status == "converged":
             direction = np.sign(level - lam)
             if step is None:
@@ -68,15 +68,15 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
             descend = cuts >= options.plain_cuts or options.plain_iterations == 0 or options.tangent == "safe"
             result = newton(problem, guess, target, options, descend) if guess is not None else None
             if result is not None:
-                totals["assemblies"] += result.assemblies
-                totals["assembly"] += result.assembly_s
-                totals["solve"] += result.solve_s
+                assemblies += result.assemblies
+                timings["assembly"] += result.assembly_s
+                timings["solve"] += result.solve_s
                 notes += result.notes
             if result is not None and result.converged:
                 previous, cuts = (state, lam), 0
                 taken = abs(target - lam)
                 state, lam = problem.shell.accept(result.state), float(target)
-                totals["iterations"] += result.iterations
+                iterations += result.iterations
                 steps.append(_record(problem, state, lam, result, lam == level))
                 if result.iterations <= quick:
                     step = max(step, 1.5 * taken)
@@ -85,18 +85,18 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
                 if progress is not None:
                     progress(lam)
                 continue
-            totals["wasted"] += 0 if result is None else result.iterations
+            wasted += 0 if result is None else result.iterations
             cuts += 1
             step = 0.5 * abs(target - lam)
             if step < min_step * max(1.0, abs(level)):
                 status = _failure(result)
         if status != "converged":
             break
-    timings = {"assembly": totals["assembly"], "solve": totals["solve"], "total": time.perf_counter() - clock}
+    timings["total"] = time.perf_counter() - clock
     message = "equilibrium reached at every level" if status == "converged" else (
-        f"{status}: load factor {lam:.6g} of {levels[-1]:.6g} reached; the last converged state is kept")
-    return StaticResult(status == "converged", status, message, tuple(steps), totals["iterations"], totals["wasted"],
-                        totals["assemblies"], timings, tuple(dict.fromkeys(notes)))
+        f"{status}: load factor {lam:.6g} of {targets[-1]:.6g} reached; the last converged state is kept")
+    return StaticResult(status == "converged", status, message, tuple(steps), iterations, wasted,
+                        assemblies, timings, tuple(dict.fromkeys(notes)))
 
 
 def _failure(result: NewtonResult | None) -> str:
@@ -109,7 +109,7 @@ def _predict(problem: Problem, state: State, lam: float, target: float, previous
     """Start of the next step with its held values: extrapolated from the last step or by the tangent; None if inadmissible."""
     held = problem.prescribed(target)
     change = held - state.u[problem.fixed]
-    candidates = []
+    candidates: list[State | None] = []
     if np.any(change != 0.0):
         if previous is not None and previous[1] != lam:
             u = state.u.copy()
@@ -154,5 +154,7 @@ def _record(problem: Problem, state: State, lam: float, result: NewtonResult | N
     g = problem.gradient(state, lam)
     reaction = np.zeros_like(g)
     reaction[problem.fixed] = g[problem.fixed]
-    values = (0, 0.0, 0.0) if result is None else (result.iterations, result.residual, result.residual_relative)
-    return LoadStep(lam, state, *values, membrane, bending, reaction, requested)
+    if result is None:
+        return LoadStep(lam, state, 0, 0.0, 0.0, membrane, bending, reaction, requested)
+    return LoadStep(lam, state, result.iterations, result.residual, result.residual_relative, membrane, bending, reaction,
+                    requested)
