@@ -278,3 +278,10 @@ def strip_cells(gauge: float, width: float, total: int) -> tuple[int, int]:
     size = math.sqrt(gauge * width / total)
     nx, ny = (max(4, 2 * round(0.5 * length / size)) for length in (gauge, width))
     return nx, ny
+
+
+def run(fabric, gauge: float, width: float, angle: float, strains, fidelity: str = "standard") -> dict:
+    """The payload of ``mfar test strip --level fe``, see :func:`material_tests.strip.compare.run`."""
+    from material_tests.strip import compare
+
+    return compare.run(fabric, gauge, width, angle, strains, fidelity)
