@@ -55,7 +55,9 @@ def solve_uniaxial(law, angle: float, strain: np.ndarray, *, steps: int = 8, tol
     state = np.tile([1.0, 1.0, 0.0], (strain.size, 1))  # in the strip's axes
     done, step = np.zeros(strain.size), np.full(strain.size, 1.0 / steps)
     for _ in range(12 * steps):
-        active = np.flatnonzero((done < 1.0) & (step > 1e-3))
+        stuck = (done < 1.0) & (step <= 1e-3)
+        hopeless = np.abs(strain) >= (np.abs(strain[stuck]).min() if stuck.any() else np.inf)  # no way past a failure
+        active = np.flatnonzero((done < 1.0) & ~hopeless)
         if active.size == 0:
             break
         t = np.minimum(1.0, done[active] + step[active])
@@ -99,16 +101,19 @@ def _predict(law, R, C, c11):
     return np.where(np.isfinite(energy)[:, None], moved, out)
 
 
-def _equilibrium(law, R, C, tolerance, iterations: int = 40):
+def _equilibrium(law, R, C, tolerance, iterations: int = 25):
     """Newton for S22 = S12 = 0 at given C11; returns C and where it converged."""
     C = C.copy()
     energy, S, A = _response(law, R, C)
     alive = np.isfinite(energy)
-    converged = np.zeros(len(C), bool)
+    converged, before = np.zeros(len(C), bool), np.full(len(C), np.inf)
     for _ in range(iterations):
         size = np.abs(A).max(axis=(1, 2)) + 1e-300
         force = np.abs(S[:, 1:]).max(axis=1)
-        converged |= alive & (force <= tolerance * np.maximum(np.abs(S[:, 0]), 1e-4 * size))
+        level = np.maximum(np.abs(S[:, 0]), 1e-4 * size)
+        stagnant = (force >= 0.5 * before) & (force <= 1e-6 * level)  # down to the rounding of the law's stress
+        converged |= alive & ((force <= tolerance * level) | stagnant)
+        before = force
         todo = np.flatnonzero(alive & ~converged)
         if todo.size == 0:
             break
