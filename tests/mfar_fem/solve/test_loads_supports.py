@@ -187,14 +187,14 @@ def test_clamp_with_a_tilted_normal_turns_the_strip(order):
 @orders
 def test_hinge_leaves_the_rotation_free(order):
     """A strip on two hinges under a small uniform load: w = 5 q L⁴ / 384 D; clamped it is five times stiffer."""
-    surface = Surface.from_pattern(strip(0.3, 0.05, 12, 1), order)
+    surface = Surface.from_pattern(strip(0.3, 0.05, 24, 4), order)
     middle, q = np.flatnonzero(np.isclose(surface.vertices[:, 0], 0.15)), 1e-4
     for kind, factor in ((Hinge, 5.0), (Clamp, 1.0)):
         problem = Problem(surface, PLATE, [kind("left"), kind("right")], [area_load((0.0, 0.0, q))])
         result = solve_static(problem, 1)
         assert result.converged
         deflection = problem.shell.positions(result.state)[middle, 2].mean()
-        assert deflection == pytest.approx(factor * q * 0.3**4 / (384 * D), rel=0.05 if order == 1 else 0.003)
+        assert deflection == pytest.approx(factor * q * 0.3**4 / (384 * D), rel=0.03 if order == 1 else 0.003)
 
 
 @orders
