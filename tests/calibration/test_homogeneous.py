@@ -10,7 +10,7 @@ from toy_models import FABRIC
 
 from calibration.experiments import Experiment
 from calibration.forward import ForwardModel, level, level_names, register
-from calibration.homogeneous import line_force, model, solve_uniaxial
+from calibration.homogeneous import line_force, model, path
 from calibration.stability import stability
 from mfar_fem.errors import MissingDependencyError, UnknownNameError
 from mfar_fem.materials import get_law, law_names
@@ -48,7 +48,7 @@ def test_orthotropic_linear_law_off_axis_compliance():
 
 def test_free_stresses_vanish():
     law = get_law("bischoff")
-    C, ok = solve_uniaxial(law, 0.4, STRAIN)
+    C, ok = path(law, 0.4, STRAIN)
     c, s = math.cos(0.4), math.sin(0.4)
     S = law.stress(C)
     Q = np.array([[c, -s], [s, c]])
