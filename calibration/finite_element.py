@@ -34,7 +34,7 @@ class FiniteElementStrip:
     ----------
     experiment : Experiment
     fidelity : {'draft', 'standard', 'reference'}
-        Mesh, see `material_tests.strip.fe.CELLS`.
+        Mesh, see `material_tests.strip.fe.TRIANGLES`.
     """
 
     def __init__(self, experiment: Experiment, fidelity: str = "standard"):
