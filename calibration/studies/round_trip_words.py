@@ -55,8 +55,8 @@ def nu_summary(s, rows: list[dict], bias: dict, profiles: dict) -> dict:
 def mu_words(s, out: dict) -> str:
     scatter = "" if out["scatter_percent"] is None else f", scatter {out['scatter_percent']:.2f} %"
     return (f"mu: the {100 * s.confidence:g} % interval covers the truth in {out['covered_linear']} (linearised) and "
-            f"{out['covered_profile']} (profile likelihood) of {out['seeds']} seeds; median error {out['median_error_percent']:.2f} %"
-            f"{scatter}. Without noise the coarser mesh alone moves mu by {out['mesh_bias']['law_percent']['mu']:+.2f} %.")
+            f"{out['covered_profile']} (profile likelihood) of {out['seeds']} seeds; median error "
+            f"{out['median_error_percent']:.2f} %{scatter}. Without noise the coarser mesh alone moves mu by {out['mesh_bias']['law_percent']['mu']:+.2f} %.")
 
 
 def bending_words(bias: dict) -> list[str]:
@@ -64,8 +64,8 @@ def bending_words(bias: dict) -> list[str]:
     if not b:
         return []
     parts = ", ".join(f"{k} {v:+.1f} %" for k, v in b.items())
-    return [f"Bending, without noise: {parts}. These are differences of model, not of mesh or noise: the overhangs come from a sheet of "
-            "finite width, which does not curve across as freely as the narrow strip of the elastica that reads them."]
+    return [f"Bending, without noise: {parts}. These are differences of model, not of mesh or noise: the overhangs come from a "
+            "sheet of finite width, which does not curve across as freely as the narrow strip of the elastica that reads them."]
 
 
 def nu_words(s, nu: dict) -> str:
@@ -76,11 +76,12 @@ def nu_words(s, nu: dict) -> str:
     if nu["profile_interval_first_seed"] is not None:
         low, high = nu["profile_interval_first_seed"]
         first = f" The profile of the first seed reaches from {_end(low, 'no lower bound')} to {_end(high, 'no upper bound')}."
-    return (f"nu: {nu['smallest']:.3g} to {nu['largest']:.3g} over the seeds for a truth of {nu['truth']:g}; a typical interval spans a "
-            f"factor {nu['median_interval_factor']:.3g}; mu and nu are correlated by {nu['median_correlation_mu_nu']:+.3f}. "
-            f"{bound[0].upper()}{bound[1:]} a nu so large that the chains never lock (nu has {'no' if n_open else 'an'} upper bound "
-            f"there). Tension up to {100 * s.top:g} % is far from locking: the data determine the stiffness, and nu only through the "
-            f"slight change of the curve's shape.{first}")
+    side = "no" if n_open else "an"
+    return (f"nu: {nu['smallest']:.3g} to {nu['largest']:.3g} over the seeds for a truth of {nu['truth']:g}; a typical interval spans "
+            f"a factor {nu['median_interval_factor']:.3g}; mu and nu are correlated by {nu['median_correlation_mu_nu']:+.3f}. "
+            f"{bound[0].upper()}{bound[1:]} a nu so large that the chains never lock: the data set nu {side} upper bound. "
+            f"Tension up to {100 * s.top:g} % is far from locking: the data determine the stiffness, and nu only through the slight "
+            f"change of the curve's shape.{first}")
 
 
 def _end(value: float | None, none: str) -> str:
