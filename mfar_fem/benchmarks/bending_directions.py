@@ -80,7 +80,7 @@ def hinge_ratio(surface: Surface, phi: float, curvature: float = CURVATURE) -> f
 
 
 def run_directions(progress=None, meshes=MESHES, directions=DIRECTIONS) -> dict:
-    """Ratios of all models on all meshes: ``rows`` of ``mesh``, ``model``, ``ratios`` (by direction), ``min``, ``mean``, ``max``."""
+    """Ratios of all models on all meshes: ``rows`` of ``mesh``, ``model``, ``ratios`` by direction, ``min``, ``mean``, ``max``."""
     rows = []
     for mesh in meshes:
         for model in MODELS:

@@ -2,8 +2,8 @@ r"""The hinge model of bending (discrete shells): what most cloth codes use, her
 
 .. math:: W = \tfrac12 D \sum_e \frac{|e|^2}{A_e} \theta_e^2, \qquad A_e = A_1 + A_2
 
-over the interior edges, with the angle :math:`\theta_e` between the normals of the two triangles and their areas at rest. One number
-D for all directions; its error depends on the mesh, not on its size: the energy does not converge to that of a plate.
+over the interior edges, with the angle :math:`\theta_e` between the normals of the two triangles and their areas at rest. One
+number D for all directions; what it costs to bend the sheet depends on how the triangles lie.
 
 References
 ----------

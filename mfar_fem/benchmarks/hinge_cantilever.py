@@ -22,7 +22,7 @@ MESHES = {"order 2": ((4, 1), (8, 2), (16, 4)), "order 1": ((8, 2), (16, 4), (32
           "hinge": ((8, 2), (16, 4), (32, 8), (48, 12))}
 PATTERNS = ("right", "jitter")
 NOTE = ("the hinge model is written in numpy, its time is not that of an optimised code; what the picture shows is that its error "
-        "stays where the mesh puts it, whatever is spent")
+        "falls only slowly and, on a regular mesh, to a few degrees instead of zero")
 
 
 def build(model: str, nx: int, ny: int, pattern: str) -> tuple[Problem, np.ndarray]:
@@ -98,7 +98,7 @@ def save_comparison(folder: Path, payload: dict) -> list[str]:
     axes.set_ylabel("error of the chord angle (exact 41.5°), °")
     axes.set_title("heavy elastica: what accuracy costs")
     axes.grid(True, which="both", alpha=0.3)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="center right", bbox_to_anchor=(1.0, 0.66))
     picture = folder / "hinge_cantilever.png"
     figure.savefig(picture, dpi=130)
     return [str(table), str(picture)]
