@@ -12,7 +12,8 @@ import typer
 
 from mfar_fem.cli.console import check_writable, emit, jsonable, progress
 
-app = typer.Typer(help="Longer studies: synthetic round trip, every law on the cupro curves, sensitivities, meshes.", no_args_is_help=True)
+app = typer.Typer(help="Longer studies: synthetic round trip, every law on the cupro curves, sensitivities, meshes.",
+                  no_args_is_help=True)
 
 Out = Annotated[Path | None, typer.Option("--out", "-o", help="Output folder; out/study-NAME by default.")]
 WorkersOption = Annotated[int, typer.Option(min=1, help="Local worker processes (more than 1 needs the extra 'cluster').")]
@@ -46,16 +47,77 @@ def round_trip(
     _finish("round-trip", payload, folder, as_json, _show_round_trip)
 
 
+@app.command()
+def cupro(
+    law: Annotated[list[str] | None, typer.Option("--law", "-l", help="Law (repeatable; 'my_law.py:name' too); all by default.")] = None,
+    variant: Annotated[list[str] | None, typer.Option(help="State of the fabric (repeatable); preconditioned and virgin.")] = None,
+    level: Annotated[str, typer.Option(help="fe, fe-draft, fe-reference or homogeneous.")] = "fe",
+    starts: Annotated[int, typer.Option(min=1, help="Starting points a law without a mesh.")] = 3,
+    seed: Annotated[int, typer.Option(help="Of the starting points.")] = 0,
+    max_evaluations: Annotated[int, typer.Option(min=1, help="Forward evaluations a fit.")] = 200,
+    out: Out = None,
+    workers: WorkersOption = 1,
+    scheduler: Scheduler = None,
+    resume: Resume = True,
+    as_json: Json = False,
+) -> None:
+    """Fit every law by finite elements to the cupro strips in three directions at once; say why one cannot do it."""
+    folder = _folder(out, "cupro")
+    from calibration.cli import resolve_laws
+    from calibration.forward import level as level_factory
+    from calibration.runs import Workers
+    from calibration.studies.cupro import VARIANTS, run
+
+    laws = resolve_laws(law)
+    level_factory(level)
+    with _stages(as_json) as stage:
+        payload = run(laws, variant or VARIANTS, level, folder=folder / "checkpoints", starts=starts, seed=seed,
+                      max_evaluations=max_evaluations, resume=resume, where=Workers(workers, scheduler), progress=stage)
+    _finish("cupro", payload, folder, as_json, _show_cupro)
+
+
+@app.command()
+def sensitivities(out: Out = None, as_json: Json = False) -> None:
+    """Compare exact sensitivities with central differences, and those reached in 1, 5 and 20 load steps."""
+    folder = _folder(out, "sensitivities")
+    from calibration.studies.sensitivities import run
+
+    with _stages(as_json) as stage:
+        payload = run(progress=stage)
+    _finish("sensitivities", payload, folder, as_json, _show_sensitivities)
+
+
+@app.command()
+def mesh(
+    refit: Annotated[bool, typer.Option(help="Fit YarnNetwork on several meshes.")] = True,
+    variant: Annotated[str, typer.Option(help="State of the fabric the refits use.")] = "preconditioned",
+    out: Out = None,
+    workers: WorkersOption = 1,
+    scheduler: Scheduler = None,
+    resume: Resume = True,
+    as_json: Json = False,
+) -> None:
+    """Show what the mesh does to the force of a clamped bias strip and to the parameters fitted on it."""
+    folder = _folder(out, "mesh")
+    from calibration.runs import Workers
+    from calibration.studies.mesh import REFITTED, run
+
+    with _stages(as_json) as stage:
+        payload = run(refitted=REFITTED if refit else (), variant=variant, folder=folder / "runs", resume=resume,
+                      where=Workers(workers, scheduler), progress=stage)
+    _finish("mesh", payload, folder, as_json, _show_mesh)
+
+
 def _folder(out: Path | None, name: str) -> Path:
     return check_writable(out if out is not None else Path("out") / f"study-{name}")
 
 
 def _fidelity(name: str, option: str) -> str:
-    from material_tests.strip.fe import CELLS
+    from material_tests.strip.fe import TRIANGLES
     from mfar_fem.errors import UnknownNameError
 
-    if name not in CELLS:
-        raise UnknownNameError(f"{option} {name}: unknown fidelity; known: {', '.join(CELLS)}")
+    if name not in TRIANGLES:
+        raise UnknownNameError(f"{option} {name}: unknown fidelity; known: {', '.join(TRIANGLES)}")
     return name
 
 
@@ -100,4 +162,51 @@ def _show_round_trip(p) -> list:
                      f"{r['parameters']['law.nu']:.3g}", "open" if r["nu_without_upper_bound"] else "bounded"))
     columns = {"seed": "right", "mu kPa": "right", "95 % interval": "right", "covers": "left", "nu": "right", "nu above": "left"}
     verdict = "passed" if p["passed"] else "[bold red]not passed[/bold red]"
-    return [_table("Synthetic round trip", columns, rows), *p["words"], f"{verdict} in {p['wall_s']:.1f} s"]
+    return [_table("Synthetic round trip", columns, rows), *map(_plain, p["words"]), f"{verdict} in {p['wall_s']:.1f} s"]
+
+
+def _show_cupro(p) -> list:
+    shown: list[Any] = []
+    columns = {"law": "left", "RMSE %": "right", "by direction": "left", "parameters": "right", "AICc": "right", "stable": "left",
+               "target": "left"}
+    for variant, found in p["variants"].items():
+        rows = []
+        for r in found["laws"]:
+            if r.get("error"):
+                rows.append((r["law"], "-", r["error"], "-", "-", "-", "no"))
+                continue
+            errors = " / ".join(f"{v:.1f}" for v in r["rmse_by_experiment"].values())
+            rows.append((r["law"], f"{r['rmse_percent_of_range']:.2f}", errors, r["n_parameters"], f"{r['aicc']:.1f}",
+                         "yes" if r["stable"] else "no", "reached" if r["reaches_target"] else "missed"))
+        order = " / ".join(name.split(",")[0] for name in found["experiments"])
+        shown.append(_table(f"cupro SU-1098, {variant} ({p['level']}; {order}; {found['wall_s']:.0f} s)", columns, rows))
+    return [*shown, *map(_plain, p["words"])]
+
+
+def _show_sensitivities(p) -> list:
+    columns = {"case": "left", "derivatives": "right", "against differences": "right", "against load steps": "right"}
+    rows = [(c["case"], len(c["parameters"]), f"{c['max_relative_deviation']:.1e}", f"{c['max_load_step_deviation']:.1e}")
+            for c in p["cases"]]
+    return [_table("Exact sensitivities: largest relative deviation", columns, rows), *map(_plain, p["words"])]
+
+
+def _show_mesh(p) -> list:
+    columns = {"mesh": "left", "triangles": "right", "pattern": "left"} | {f"{100 * e:g} %": "right" for e in p["strain"]}
+    rows = []
+    for r in p["forces"]:
+        errors = ["-" if e is None else f"{f:.4g} ({e:+.1f} %)" for f, e in
+                  zip(r["line_force_N_per_m"], r["error_percent"], strict=True)]
+        rows.append((r["mesh"], r["triangles"], r["pattern"], *errors))
+    shown = [_table("Bias strip, N/m at fixed parameters (error against the finest mesh)", columns, rows)]
+    if p["refits"]:
+        names = list(p["refits"][0]["parameters"])
+        columns = {"mesh": "left", "RMSE %": "right"} | dict.fromkeys(names, "right")
+        rows = [(r["mesh"], f"{r['rmse_percent_of_range']:.2f}", *(f"{r['parameters'][n]:.4g}" for n in names)) for r in p["refits"]]
+        shown.append(_table("yarn-network refitted on each mesh", columns, rows))
+    return [*shown, *map(_plain, p["words"])]
+
+
+def _plain(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from calibration.runs import SERIAL, Workers, run_all
-
-VERSION = 1
+from mfar_fem import __version__
 
 
 def signature(*parts: Any) -> str:
-    """Identifies the settings of a run by their ``repr``."""
-    return hashlib.sha256(repr((VERSION, parts)).encode()).hexdigest()[:24]
+    """Identifies the settings of a run by their ``repr`` and the version of this package."""
+    return hashlib.sha256(repr((__version__, parts)).encode()).hexdigest()[:24]
 
 
 def read(path: Path | None, key: str) -> Any:

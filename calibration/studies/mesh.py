@@ -1,9 +1,9 @@
 """What the mesh does to an oblique strip of a woven fabric, and to the parameters fitted on it.
 
 Yarns are a thousand times stiffer than the trellis. Elements that no yarn direction runs along lock (tension locking, see
-`material_tests.strip.fe`), and shear is carried in thin layers along the yarns that leave the corners of the grips. A mesh that does
-not resolve them makes the strip too stiff, and a fit takes that up in the parameters of trellis shear, G and Ls: they belong to the
-mesh they were fitted on. This study shows how much.
+`material_tests.strip.fe`), and shear is carried in thin layers along the yarns that leave the corners of the grips. A mesh that
+does not resolve them makes the strip too stiff, and a fit takes that up in the parameters of trellis shear, G and Ls: they belong
+to the mesh they were fitted on. This study shows how much.
 """
 
 from __future__ import annotations
@@ -189,18 +189,18 @@ def _slug(name: str) -> str:
 
 def words(strain, rows: list[dict], refits: list[dict]) -> list[str]:
     """What the numbers mean for a user."""
-    k = max((i for i in range(len(strain)) if rows[-1]["line_force_N_per_m"][i] is not None), default=None)
-    out = []
-    if k is not None:
+    last, out = rows[-1], []
+    for k in sorted({len(strain) // 2, len(strain) - 1}):
         parts = ", ".join(f"{r['mesh']} ({r['triangles']} triangles) {r['error_percent'][k]:+.1f} %" for r in rows[:-1]
                           if r["error_percent"][k] is not None)
-        last = rows[-1]
-        out.append(f"Force of the bias strip at {100 * strain[k]:g} % and fixed parameters, against {last['triangles']} "
-                   f"triangles: {parts}. Triangles that no yarn runs along lock; the rest is the shear layers from the corners of the "
-                   "grips.")
+        if parts:
+            out.append(f"Force of the bias strip at {100 * strain[k]:g} % and fixed parameters, against {last['triangles']} "
+                       f"triangles: {parts}.")
+    out.append("Triangles that no yarn runs along lock (one diagonal, or a grading that turns the diagonals); what is left on "
+               "meshes that follow the yarns is the shear layers from the corners of the grips.")
     if refits:
         parts = ", ".join(f"{r['mesh']} G {r['parameters']['G']:.3g} N/m, Ls {r['parameters']['Ls']:.3g} "
                           f"(RMSE {r['rmse_percent_of_range']:.2f} %)" for r in refits)
-        out.append(f"Refitted on each mesh: {parts}. The fit takes up the error of the mesh, so G and Ls belong to the mesh they were "
-                   "fitted on: use them with that mesh, or refit.")
+        out.append(f"Refitted on each mesh: {parts}. The fit takes up the error of the mesh, so G and Ls belong to the mesh they "
+                   "were fitted on: use them with that mesh, or refit.")
     return out

@@ -54,9 +54,10 @@ def nu_summary(s, rows: list[dict], bias: dict, profiles: dict) -> dict:
 
 def mu_words(s, out: dict) -> str:
     scatter = "" if out["scatter_percent"] is None else f", scatter {out['scatter_percent']:.2f} %"
+    moved = out["mesh_bias"]["law_percent"]["mu"]
     return (f"mu: the {100 * s.confidence:g} % interval covers the truth in {out['covered_linear']} (linearised) and "
             f"{out['covered_profile']} (profile likelihood) of {out['seeds']} seeds; median error "
-            f"{out['median_error_percent']:.2f} %{scatter}. Without noise the coarser mesh alone moves mu by {out['mesh_bias']['law_percent']['mu']:+.2f} %.")
+            f"{out['median_error_percent']:.2f} %{scatter}. Without noise the coarser mesh alone moves mu by {moved:+.2f} %.")
 
 
 def bending_words(bias: dict) -> list[str]:
@@ -77,11 +78,11 @@ def nu_words(s, nu: dict) -> str:
         low, high = nu["profile_interval_first_seed"]
         first = f" The profile of the first seed reaches from {_end(low, 'no lower bound')} to {_end(high, 'no upper bound')}."
     side = "no" if n_open else "an"
-    return (f"nu: {nu['smallest']:.3g} to {nu['largest']:.3g} over the seeds for a truth of {nu['truth']:g}; a typical interval spans "
-            f"a factor {nu['median_interval_factor']:.3g}; mu and nu are correlated by {nu['median_correlation_mu_nu']:+.3f}. "
-            f"{bound[0].upper()}{bound[1:]} a nu so large that the chains never lock: the data set nu {side} upper bound. "
-            f"Tension up to {100 * s.top:g} % is far from locking: the data determine the stiffness, and nu only through the slight "
-            f"change of the curve's shape.{first}")
+    factor, rho = nu["median_interval_factor"], nu["median_correlation_mu_nu"]
+    return (f"nu: {nu['smallest']:.3g} to {nu['largest']:.3g} over the seeds for a truth of {nu['truth']:g}; a typical interval "
+            f"spans a factor {factor:.3g}; mu and nu are correlated by {rho:+.3f}. {bound[0].upper()}{bound[1:]} a nu so large "
+            f"that the chains never lock: the data set nu {side} upper bound. Tension up to {100 * s.top:g} % is far from locking: "
+            f"the data determine the stiffness, and nu only through the slight change of the curve's shape.{first}")
 
 
 def _end(value: float | None, none: str) -> str:
