@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -125,6 +126,7 @@ class LinearSolver:
         return solve
 
 
+@cache
 def _pardiso():
     try:
         from pypardiso import PyPardisoSolver
