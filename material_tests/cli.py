@@ -17,6 +17,7 @@ app = typer.Typer(help="Virtual textile tests: strip (ASTM D5035), cantilever (A
 
 _FABRIC = Annotated[str, typer.Argument(help="A preset (see `mfar fabrics`) or a fabric file (TOML).")]
 _OUT = Annotated[Path | None, typer.Option("--out", help="Folder for the curve or shape (CSV) and the plot (PNG).")]
+_FIDELITY = Annotated[str, typer.Option(help="Mesh of the level fe: draft, standard or reference.")]
 _JSON = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 
@@ -56,6 +57,7 @@ def strip(
     strain: Annotated[float, typer.Option(help="Largest engineering strain.")] = 0.05,
     points: Annotated[int, typer.Option(help="Points on the curve.")] = 41,
     level: Annotated[str, typer.Option(help="homogeneous (no mesh) or fe.")] = "homogeneous",
+    fidelity: _FIDELITY = "standard",
     out: _OUT = None,
     as_json: _JSON = False,
 ) -> None:
@@ -71,13 +73,19 @@ def strip(
     run = _level(level, "strip")
     folder = check_writable(out) if out is not None else None
     loaded = Fabric.load(fabric)
-    payload = run(loaded, **inputs) if run else _strip_homogeneous(loaded, **inputs)
+    payload = run(loaded, **inputs, fidelity=fidelity) if run else _strip_homogeneous(loaded, **inputs)
     if folder is not None:
         from material_tests.output import save_strip
 
         payload["files"] = save_strip(folder, payload)
+        if run:
+            from material_tests.strip.plots import save_pictures
+
+            payload["files"] += save_pictures(folder, payload)
     emit(payload, as_json, _render_strip)
     if not payload["converged"]:
+        if run:
+            raise NotConvergedError(f"'{fabric}': {payload['message']}; the curve ends there")
         raise NotConvergedError(
             f"'{fabric}' cannot be stretched to {strain:g} in this direction: the law locks or loses stability; "
             "the curve ends at the last strain reached"
@@ -94,6 +102,7 @@ def cantilever(
     option: Annotated[str, typer.Option(help="A: overhang at 41.5 degrees; B: heart loop.")] = "A",
     loop_length: Annotated[str, typer.Option(help="Option B: length of the loop, with its unit.")] = "200 mm",
     wide: Annotated[bool, typer.Option("--wide", help="Bend into a cylinder (D11), not as a free strip.")] = False,
+    fidelity: _FIDELITY = "standard",
     out: _OUT = None,
     as_json: _JSON = False,
 ) -> None:
@@ -111,7 +120,7 @@ def cantilever(
     run = _level(level, "cantilever")
     folder = check_writable(out) if out is not None else None
     loaded = Fabric.load(fabric)
-    payload = run(loaded, **inputs) if run else _cantilever_exact(loaded, **inputs)
+    payload = run(loaded, **inputs, fidelity=fidelity) if run else _cantilever_exact(loaded, **inputs)
     if folder is not None:
         from material_tests.output import save_cantilever
 
@@ -220,7 +229,12 @@ def _render_strip(payload: Mapping[str, Any]):
             force = payload["curves"][name]["line_force_N_per_m"]
             row.append(f"{force[i]:.4g}" if i < len(force) else "–")
         table.add_row(*row)
-    return [table, *_files(payload)]
+    costs = [
+        f"{name}: {error['force_ratio']:.4g} times the force at strain {error['strain']:.4g}, "
+        f"RMSE {error['rmse_percent_of_range']:.3g} % of range"
+        for name, error in payload.get("shortcut_error", {}).items()
+    ]
+    return [table, *([f"shortcut against finite elements, {line}" for line in costs]), *_files(payload)]
 
 
 def _render_cantilever(payload: Mapping[str, Any]):
@@ -239,6 +253,13 @@ def _render_cantilever(payload: Mapping[str, Any]):
         ("rigidity by the standard, mg cm", payload["standard_rigidity_mg_cm"]),
         ("error of the standard's rigidity, %", payload["standard_error_percent"]),
     ]
+    if payload["level"] == "fe":
+        rows += [
+            ("rigidity from the reading by the elastica, µN m", 1e6 * payload["exact_rigidity_Nm"]),
+            ("rigidity of a narrow strip, µN m", 1e6 * payload["narrow_strip_rigidity_Nm"]),
+            ("rigidity of a cylinder, µN m", 1e6 * payload["cylinder_rigidity_Nm"]),
+            ("twist at the far end, °", payload["twist_deg"]),
+        ]
     for name, value in rows:
         table.add_row(name, f"{value:.4g}")
     return [table, *_files(payload)]

@@ -10,7 +10,7 @@ from typing import Any
 
 from material_tests.elastica import STANDARD_ANGLE
 
-_STYLE = {"free": "-", "held": "--"}
+_STYLE = {"fe": "-", "free": "-.", "held": "--"}
 
 
 def save_strip(folder: Path, payload: Mapping[str, Any]) -> list[str]:
@@ -74,5 +74,6 @@ def save_cantilever(folder: Path, payload: Mapping[str, Any]) -> list[str]:
 
 
 def _label(name: str) -> str:
-    meaning = {"free": "free width and shear (long strip)", "held": "width and shear held (short strip)"}
+    meaning = {"fe": "finite elements (grips)",
+               "free": "free width and shear (long strip)", "held": "width and shear held (short strip)"}
     return meaning.get(name, name)
