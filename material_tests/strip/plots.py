@@ -25,8 +25,8 @@ def plot_field(field: Mapping[str, Any], title: str = ""):
 
     x, y = 1e3 * np.asarray(field["x_m"]), 1e3 * np.asarray(field["y_m"])
     triangles = np.asarray(field["triangles"])
-    shape = max(0.35, min(1.6, np.ptp(y) / np.ptp(x)))
-    figure = Figure(figsize=(11.0, 2.0 + 2.9 * shape), layout="constrained")
+    shape = min(1.6, np.ptp(y) / np.ptp(x))
+    figure = Figure(figsize=(11.0, 1.7 + 3.2 * shape), layout="constrained")
     for axes, (key, (label, factor, colours)) in zip(figure.subplots(1, len(_FIELDS)), _FIELDS.items(), strict=True):
         values = factor * np.asarray(field[key])
         flat = np.ptp(values) < 1e-9 * max(1.0, np.abs(values).max())

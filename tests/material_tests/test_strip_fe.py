@@ -179,3 +179,17 @@ def test_specimen_is_checked():
         StripTest(0.08, 0.05, 0.3, quarter=True)
     with pytest.raises(InputError, match="even"):
         StripTest(0.08, 0.05, 0.0, cells=(5, 3), quarter=True)
+
+
+def test_command(tmp_path, capsys):
+    import json
+
+    from mfar_fem.cli.main import main
+
+    args = ["test", "strip", "cupro-su1098", "--level", "fe", "--fidelity", "draft", "--angle", "bias", "--points", "3", "--json"]
+    assert main([*args, "--out", str(tmp_path)]) == 0
+    payload = json.loads(capsys.readouterr().out)
+    assert payload["shortcut_error"]["held"]["force_ratio"] > 10
+    assert (tmp_path / "strip_field.png").exists() and (tmp_path / "strip.csv").exists()
+    assert main([*args, "--angle", "warp", "--strain", "0.2"]) == 3
+    assert json.loads(capsys.readouterr().out)["status"] == "LockingReached"
