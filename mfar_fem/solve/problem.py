@@ -135,4 +135,5 @@ class Problem:
     def norm(self, g: np.ndarray) -> float:
         """Euclidean norm of a (n,) residual, N; moments are divided by the mean edge length."""
         k = self.shell.alpha_offset
-        return float(np.sqrt(np.sum(g[:k] ** 2) + np.sum((g[k:] / self.rotation_length) ** 2)))
+        with np.errstate(over="ignore"):  # forces next to locking may have no finite square
+            return float(np.sqrt(np.sum(g[:k] ** 2) + np.sum((g[k:] / self.rotation_length) ** 2)))
