@@ -49,7 +49,9 @@ def round_trip(
 
 @app.command()
 def cupro(
-    law: Annotated[list[str] | None, typer.Option("--law", "-l", help="Law (repeatable; 'my_law.py:name' too); all by default.")] = None,
+    law: Annotated[
+        list[str] | None, typer.Option("--law", "-l", help="Law (repeatable; 'my_law.py:name' too); all by default.")
+    ] = None,
     variant: Annotated[list[str] | None, typer.Option(help="State of the fabric (repeatable); preconditioned and virgin.")] = None,
     level: Annotated[str, typer.Option(help="fe, fe-draft, fe-reference or homogeneous.")] = "fe",
     starts: Annotated[int, typer.Option(min=1, help="Starting points a law without a mesh.")] = 3,
@@ -201,7 +203,8 @@ def _show_mesh(p) -> list:
     if p["refits"]:
         names = list(p["refits"][0]["parameters"])
         columns = {"mesh": "left", "RMSE %": "right"} | dict.fromkeys(names, "right")
-        rows = [(r["mesh"], f"{r['rmse_percent_of_range']:.2f}", *(f"{r['parameters'][n]:.4g}" for n in names)) for r in p["refits"]]
+        rows = [(r["mesh"], f"{r['rmse_percent_of_range']:.2f}", *(f"{r['parameters'][n]:.4g}" for n in names))
+                for r in p["refits"]]
         shown.append(_table("yarn-network refitted on each mesh", columns, rows))
     return [*shown, *map(_plain, p["words"])]
 

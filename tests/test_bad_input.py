@@ -102,7 +102,7 @@ def test_the_unchanged_files_are_accepted(data, tmp_path, capsys):
 
 
 # -- curves ----------------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(("curve", "words"), [("", "empty"), ("# only a comment\n\n", "empty"), ("extension,force\n", "no reading")])
+@pytest.mark.parametrize(("curve", "words"), [("", "empty"), ("# a comment\n\n", "empty"), ("extension,force\n", "no reading")])
 def test_empty_csv(calibrated, curve, words):
     error = calibrated(curve=curve)
     assert error["path"].endswith("curve.csv") and words in error["message"]
@@ -169,7 +169,7 @@ def test_grip_on_a_side_the_mesh_does_not_have():
     from mfar_fem.surface import Surface, patterns
 
     disc = Surface.from_pattern(patterns.disc(0.05, 2), 2, (1.0, 0.0, 0.0))
-    with pytest.raises(SurfaceError, match="'left'.*outer"):
+    with pytest.raises(SurfaceError, match=r"'left'.*outer"):
         Problem(disc, Fabric.load("paper-silk"), [Hinge("left"), Hinge("right")], bending=False)
 
 

@@ -104,5 +104,5 @@ def _hardening(f: Fit) -> list[str]:
             continue
         measured, law = hardening(e.x, e.y), hardening(e.x, p.y)
         if math.isfinite(measured) and measured > 2 * max(law, 0.1):
-            out.append(f"In the {e.direction_name} strip the curve steepens {measured:.2g} times, the law's {max(law, 0.0):.2g} times.")
+            out.append(f"The {e.direction_name} curve steepens {measured:.2g} times, the law's {max(law, 0.0):.2g} times.")
     return out

@@ -18,6 +18,7 @@ import numpy as np
 
 from calibration.experiments import DIRECTIONS, Experiment
 from calibration.fit import Fit, fit
+from calibration.homogeneous import line_force
 from calibration.problem import Problem, bending_unknowns, law_unknowns
 from calibration.profile import profile
 from calibration.runs import SERIAL, Workers
@@ -185,6 +186,29 @@ def bias(clean: list[dict], s: Settings) -> dict:
             "rmse_by_experiment": f.rmse_by_experiment}
 
 
+def expected_precision(s: Settings, tops=(0.05, 0.10, 0.25, 0.5, 1.0)) -> list[dict]:
+    """How well mu and nu could be known, by the largest strain of the strips and by what else is unknown.
+
+    From the Jacobian at the truth (no mesh, noise of `Settings.noise` times the range reached): the 95 % interval of nu spans the
+    factor ``nu_factor``, infinite from 1e6 on. No fit is made.
+    """
+    fabric, out = true_fabric(s), []
+    for top in tops:
+        strain = np.linspace(top / s.readings, top, s.readings)
+        for names in (("mu", "nu"), ("mu", "nu", "omega1", "omega2")):
+            unknowns, experiments = law_unknowns(fabric.law, names), []
+            for name, angle in DIRECTIONS.items():
+                y = line_force(fabric, angle, strain).y
+                experiments.append(Experiment(name, strain, y, direction=angle, gauge=GAUGE, width=WIDTH))
+            problem = Problem(fabric, unknowns, tuple(experiments))
+            _, J, _ = problem.evaluate(problem.q0())
+            sd = s.noise * np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+            span = np.exp(np.minimum(2 * 1.96 * sd, 50.0))
+            factor = [float(v) if v < 1e6 else math.inf for v in span[:2]]
+            out.append({"top": top, "unknown": list(names), "mu_factor": factor[0], "nu_factor": factor[1]})
+    return out
+
+
 def example_profiles(clean: list[dict], s: Settings, seed: int) -> dict:
     """Whole profiles of mu and nu for one seed."""
     f = fitted(clean, s, seed)
@@ -244,7 +268,7 @@ def run(seeds: int = 20, settings: Settings | None = None, *, first_seed: int = 
     shapes = {}
     if with_profile:
         shapes = kept.run_kept(_profiles, [(s, text, first_seed)], ["profiles"], progress=at("profiles"), **common)[0]
-    return summary(s, rows, alone, shapes) | {"settings": asdict(s), "wall_s": time.perf_counter() - clock}
+    return summary(s, rows, alone, shapes, expected_precision(s)) | {"settings": asdict(s), "wall_s": time.perf_counter() - clock}
 
 
 def _bias(job) -> dict:

@@ -8,7 +8,7 @@ COVERAGE, MEDIAN_ERROR = 0.85, 2.0
 """What the study must show: 17 of 20 intervals of mu cover the truth, median error of mu in %."""
 
 
-def summary(s, rows: list[dict], bias: dict, profiles: dict) -> dict:
+def summary(s, rows: list[dict], bias: dict, profiles: dict, expected: list[dict] = ()) -> dict:
     """From the runs of `calibration.studies.round_trip` to what is reported."""
     n = len(rows)
     errors = np.array([r["error_percent"]["mu"] for r in rows])
@@ -21,12 +21,12 @@ def summary(s, rows: list[dict], bias: dict, profiles: dict) -> dict:
         "mean_error_percent": float(errors.mean()),
         "scatter_percent": float(errors.std(ddof=1)) if n > 1 else None,
         "mesh_bias": bias,
-        "nu": nu_summary(s, rows, bias, profiles),
+        "nu": nu_summary(s, rows, bias, profiles) | {"expected_precision": list(expected)},
         "profiles": profiles,
     }
     need = int(np.ceil(COVERAGE * n - 1e-9))
     out["passed"] = bool(min(out["covered_linear"], out["covered_profile"]) >= need and out["median_error_percent"] <= MEDIAN_ERROR)
-    out["words"] = [mu_words(s, out), *bending_words(bias), nu_words(s, out["nu"])]
+    out["words"] = [mu_words(s, out), *bending_words(bias), nu_words(s, out["nu"]), *precision_words(s, expected)]
     out["per_seed"] = rows
     return out
 
@@ -83,6 +83,20 @@ def nu_words(s, nu: dict) -> str:
             f"spans a factor {factor:.3g}; mu and nu are correlated by {rho:+.3f}. {bound[0].upper()}{bound[1:]} a nu so large "
             f"that the chains never lock: the data set nu {side} upper bound. Tension up to {100 * s.top:g} % is far from locking: "
             f"the data determine the stiffness, and nu only through the slight change of the curve's shape.{first}")
+
+
+def precision_words(s, expected: list[dict]) -> list[str]:
+    """How far one would have to pull to know nu."""
+    if not expected:
+        return []
+
+    def listed(known: bool) -> str:
+        chosen = [e for e in expected if (len(e["unknown"]) == 2) == known]
+        sizes = [f"{e['nu_factor']:.3g}" if np.isfinite(e["nu_factor"]) else "unbounded" for e in chosen]
+        return ", ".join(f"{100 * e['top']:g} %: {size}" for e, size in zip(chosen, sizes, strict=True))
+
+    return [f"Expected factor between the ends of nu's interval at {100 * s.noise:g} % noise, by the largest strain pulled: "
+            f"{listed(True)} with the anisotropy known as here; {listed(False)} with the shares of warp and weft unknown too."]
 
 
 def _end(value: float | None, none: str) -> str:
