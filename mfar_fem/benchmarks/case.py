@@ -10,6 +10,7 @@ from importlib.resources import files
 
 import numpy as np
 
+from mfar_fem.benchmarks.downhill import solve_downhill
 from mfar_fem.benchmarks.linear import solve_linear
 from mfar_fem.errors import InputError
 from mfar_fem.materials.bending import Bending
@@ -44,6 +45,8 @@ class Case:
         What a reader must know of the model.
     linear : bool
         Small displacements: one linear step from the reference state.
+    downhill : bool
+        Levels by descent of the energy, see :mod:`mfar_fem.benchmarks.downhill`.
     """
 
     problem: Problem
@@ -57,6 +60,7 @@ class Case:
     options: NewtonOptions = DEFAULT_OPTIONS
     note: str = ""
     linear: bool = False
+    downhill: bool = False
 
 
 def sheet(E: float, nu: float, h: float) -> Fabric:
@@ -110,6 +114,8 @@ def run_case(name: str, order: int, mesh: tuple[int, int], build: Callable[[], C
     case = build()
     if case.linear:
         result = solve_linear(case.problem)
+    elif case.downhill:
+        result = solve_downhill(case.problem, case.levels, progress=progress)
     else:
         result = solve_static(case.problem, case.levels, case.options, initial_step=case.initial_step, quick=case.quick,
                               progress=progress)
