@@ -234,7 +234,8 @@ def _render_strip(payload: Mapping[str, Any]):
         f"RMSE {error['rmse_percent_of_range']:.3g} % of range"
         for name, error in payload.get("shortcut_error", {}).items()
     ]
-    return [table, *([f"shortcut against finite elements, {line}" for line in costs]), *_files(payload)]
+    note = [f"[yellow]{payload['mesh_note']}[/yellow]"] if payload.get("mesh_note") else []
+    return [table, *note, *([f"shortcut against finite elements, {line}" for line in costs]), *_files(payload)]
 
 
 def _render_cantilever(payload: Mapping[str, Any]):

@@ -85,6 +85,7 @@ def run(fabric, gauge: float, width: float, angle: float, strains, fidelity: str
         "converged": result.converged,
         "status": result.status,
         "message": result.message,
+        "mesh_note": test.mesh_note(),
         "newton_iterations": result.iterations,
         "wall_s": result.wall_s,
         "curves": curves,

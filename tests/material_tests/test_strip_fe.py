@@ -130,6 +130,8 @@ def test_meshes():
     nx, ny = strip_cells(0.02, 0.05, 40)
     assert abs((0.02 / nx) / (0.05 / ny) - 1) < 0.2
     assert StripTest(0.08, 0.05, BIAS).pattern == "criss"  # its edges follow the yarns
+    assert all(StripTest(0.08, 0.05, angle).mesh_note() == "" for angle in (0.0, BIAS, WEFT))
+    assert "too stiff" in StripTest(0.08, 0.05, 0.5).mesh_note()
 
 
 def test_mesh_that_follows_the_yarns_does_not_lock():
