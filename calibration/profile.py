@@ -61,6 +61,12 @@ class Profile:
         return self.low, self.high
 
 
+CLOSE = 0.01
+"""How near sqrt(delta) must come to its threshold, relative."""
+REFIT_TOLERANCE = 1e-5
+"""Of the refits: the sum of squares is flat at its minimum, so this is far more than `CLOSE` needs."""
+
+
 class _Tracer:
     """SSR as a function of one parameter's coordinate, each refit started from the nearest one already done."""
 
@@ -98,7 +104,7 @@ class _Tracer:
         others = {k: v for k, v in start.items() if k != name}
         try:
             base = base.vary(fabric=base.fabric_at({**others, name: value}))
-            f = fit(base.fixed(name, value), max_evaluations=self.max_evaluations, tolerance=1e-6)
+            f = fit(base.fixed(name, value), max_evaluations=self.max_evaluations, tolerance=REFIT_TOLERANCE)
         except (ParameterError, MfarError):
             return np.inf, start
         return f.ssr, {**f.parameters, name: value}
@@ -107,8 +113,8 @@ class _Tracer:
 def profile(f: Fit, name: str, *, confidence: float = 0.95, max_evaluations: int = 60, max_points: int = 14) -> Profile:
     """Profile one parameter of a fit.
 
-    The grid is chosen on the way: the first step is half the linear standard deviation, then steps grow by up to 3 so
-    that sqrt(delta) rises evenly; the end of the interval is located to 0.2 % of the threshold in sqrt(delta) by regula
+    The grid is chosen on the way: the first step is the linear standard deviation, then steps grow by up to 3 so
+    that sqrt(delta) rises evenly; the end of the interval is located to 1 % of the threshold in sqrt(delta) by regula
     falsi with a refit at every trial.
     """
     from scipy.stats import f as fisher
@@ -124,7 +130,7 @@ def profile(f: Fit, name: str, *, confidence: float = 0.95, max_evaluations: int
     def z(q: float) -> float:  # signed root, clipped at zero: nearly linear in q near the optimum
         return float(np.sqrt(max(tracer.ssr(q) - f.ssr, 0.0) / s2))
 
-    step = 0.5 * _sd(f, k, s2)
+    step = _sd(f, k, s2)
     ends = [
         _search(z, float(f.q[k]), side, step, bound, np.sqrt(threshold), max_points)
         for side, bound in ((-1, low), (+1, high))
@@ -181,12 +187,12 @@ def _search(z, q0: float, side: int, step: float, bound: float, target: float, m
 
 def _close_in(z, a: float, za: float, b: float, zb: float, target: float, tries: int = 10) -> float:
     for i in range(tries):
-        if abs(zb - target) < 2e-3 * target:
+        if abs(zb - target) < CLOSE * target:
             return b
         linear = a + (b - a) * (target - za) / (zb - za) if np.isfinite(zb) else np.nan
         c = linear if np.isfinite(zb) and i % 3 != 2 else 0.5 * (a + b)
         zc = z(c)
-        if abs(zc - target) < 2e-3 * target:
+        if abs(zc - target) < CLOSE * target:
             return c
         if zc >= target:
             b, zb = c, zc

@@ -161,12 +161,12 @@ class Shell:
         """Total energy, J."""
         return sum(self.energies(state))
 
-    def gradient(self, state: State, out: np.ndarray) -> None:
-        """Add dW/du to ``out`` (n,): N for positions, N·m for rotations."""
-        self._assemble(state, out, np.zeros(0), np.zeros((1, 0), dtype=np.int32), exact=False, tangent=False)
+    def gradient(self, state: State, out: np.ndarray) -> bool:
+        """Add dW/du to ``out`` (n,): N for positions, N·m for rotations; False if the state is inadmissible."""
+        return self._assemble(state, out, np.zeros(0), np.zeros((1, 0), dtype=np.int32), exact=False, tangent=False)
 
     def hessian(self, state: State, gradient: np.ndarray, data: np.ndarray, positions: np.ndarray, exact: bool,
-                step: np.ndarray | None = None) -> None:
+                step: np.ndarray | None = None) -> bool:
         """Add gradient and tangent in one pass.
 
         Parameters
@@ -181,18 +181,29 @@ class Shell:
             (the mixed-integration-point iteration of Magisano, Leonetti, Garcea, CMAME 313 (2017) 986, doi
             10.1016/j.cma.2016.10.023): the stretch that a linearised rotation leaves behind is gone after the next step, and
             would only spoil the tangent. The gradient is not affected.
+
+        Returns
+        -------
+        bool
+            False if the state is inadmissible (locked, or an element without a normal): its energy is infinite.
         """
-        self._assemble(state, gradient, data, positions, exact, tangent=True, step=step)
+        return self._assemble(state, gradient, data, positions, exact, tangent=True, step=step)
 
     def _linearised_response(self, state: State, step: np.ndarray):
-        """Stress and tangent at the strain linearised over ``step``: the strain less its part quadratic in the step."""
+        """Stress and tangent at the strain linearised over ``step``: the strain less its part quadratic in the step.
+
+        None where that part is negligible, or where the linearised strain is inadmissible.
+        """
         from mfar_fem.shell import kernels
 
         g, t = self.geometry, self.geometry.tables
         quadratic = np.empty((*g.area_weights.shape, 3))
         kernels.strain(kernels.SHAPES[t.order], step[: self.alpha_offset].reshape(-1, 3), self.surface.elements, t.edge_ds, t.mean,
                        np.zeros_like(g.samples), t.interpolation, g.push, quadratic)
-        C = (self.right_cauchy_green(state) - quadratic + np.array([1.0, 1.0, 0.0])).reshape(-1, 3)
+        quadratic -= np.array([1.0, 1.0, 0.0])
+        if np.abs(quadratic).max(initial=0.0) < 1e-7:
+            return None
+        C = (self.right_cauchy_green(state) - quadratic).reshape(-1, 3)
         W, S, D = self.fabric.law.evaluate(C, 2)
         if not np.all(np.isfinite(W)):
             return None
@@ -204,10 +215,10 @@ class Shell:
 
         g, t = self.geometry, self.geometry.tables
         if self.with_membrane:
-            _, S, D = self.law_response(state, 2 if tangent else 1)
+            W, S, D = self.law_response(state, 2 if tangent else 1)
+            admissible = bool(np.all(np.isfinite(W)))
         else:
-            S = np.zeros((*g.area_weights.shape, 3))
-            D = None
+            S, D, admissible = np.zeros((*g.area_weights.shape, 3)), None, True
         S_geometric = S
         if self.with_membrane and tangent and step is not None:
             linearised = self._linearised_response(state, step)
@@ -219,12 +230,12 @@ class Shell:
             positions = np.zeros((1, 1), dtype=np.int32)
         alpha = self.alpha(state) if self.with_bending else self._no_alpha
         directors = state.directors if self.with_bending else np.zeros((1, 3))
-        kernels.assemble(kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements,
-                         g.edge_director, g.edge_sign, *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights,
-                         np.ascontiguousarray(S), np.ascontiguousarray(S_geometric), np.ascontiguousarray(D),
-                         self.with_membrane, self.with_bending,
-                         g.R_interior, g.R_edge, g.c0_interior, g.c0_edge, exact, tangent, self.alpha_offset, positions,
-                         gradient, data)
+        without_normal = kernels.assemble(
+            kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements, g.edge_director, g.edge_sign,
+            *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights, np.ascontiguousarray(S),
+            np.ascontiguousarray(S_geometric), np.ascontiguousarray(D), self.with_membrane, self.with_bending, g.R_interior,
+            g.R_edge, g.c0_interior, g.c0_edge, exact, tangent, self.alpha_offset, positions, gradient, data)
+        return admissible and not without_normal
 
     # -- parameters -----------------------------------------------------------------------------------------------------------
     def with_fabric(self, fabric) -> Shell:

@@ -16,7 +16,7 @@ import numpy as np
 
 from mfar_fem.shell import State
 from mfar_fem.solve.linear import LinearSolver, SingularMatrixError
-from mfar_fem.solve.problem import Problem
+from mfar_fem.solve.problem import InadmissibleStateError, Problem
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,10 @@ def _plain(problem, start, lam, energy, solver, options, out) -> None:
     """Full exact steps from ``start``; ``out`` is converged only if the energy ended below its start."""
     state, best, step = start, np.inf, None
     for iteration in range(options.plain_iterations + 1):
-        g, data, _, done = _evaluate(problem, state, lam, True, options, out, step)
+        try:
+            g, data, _, done = _evaluate(problem, state, lam, True, options, out, step)
+        except InadmissibleStateError:
+            return
         out.iterations = iteration
         if done:
             end = problem.energy(state, lam)
@@ -150,8 +153,6 @@ def _plain(problem, start, lam, energy, solver, options, out) -> None:
         if not np.all(np.isfinite(step)) or rotation > 3.0:
             return
         state = state.with_u(state.u + step)
-        if not np.isfinite(problem.shell.energy(state)):
-            return
 
 
 def _descent(problem, state, lam, energy, solver, options, out) -> None:

@@ -16,6 +16,10 @@ from mfar_fem.supports import Clamp, Support
 from mfar_fem.surface.mesh import Surface
 
 
+class InadmissibleStateError(ArithmeticError):
+    """The energy is infinite there; solvers catch it and take another step."""
+
+
 class Problem:
     """Minimise the potential of a supported, loaded shell.
 
@@ -116,9 +120,16 @@ class Problem:
         return g
 
     def tangent(self, state: State, lam: float, exact: bool, step: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient (n,) and tangent data (pattern.nnz,); ``step`` as in :meth:`mfar_fem.shell.Shell.hessian`."""
+        """Gradient (n,) and tangent data (pattern.nnz,); ``step`` as in :meth:`mfar_fem.shell.Shell.hessian`.
+
+        Raises
+        ------
+        InadmissibleStateError
+            Where the energy is infinite.
+        """
         g, data = np.zeros(self.n), np.zeros(self.pattern.nnz)
-        self.shell.hessian(state, g, data, self.pattern.positions[0], exact, step)
+        if not self.shell.hessian(state, g, data, self.pattern.positions[0], exact, step):
+            raise InadmissibleStateError("the state is past locking, or an element has collapsed")
         for load in self.loads:
             load.gradient(self.shell, state, lam, g)
             if id(load) in self._positions:
