@@ -72,13 +72,18 @@ def reasons(f: Fit) -> list[str]:
     else:
         out += _hardening(f)
         ratio = compression_ratio(law)
-        if ratio > 0.5:
+        if ratio > 0.5 and "compression" not in BY_LAW.get(law.name, ""):
             out.append(f"Pushed together by 3 % its warp carries {ratio:.2g} times what it carries pulled; real yarns buckle.")
     bounds = f.at_bounds()
     if bounds:
         ends = ", ".join(f"{k.removeprefix('law.')} ({v})" for k, v in bounds.items())
         out.append(f"The fit drives parameters to their bounds: {ends}.")
     return out
+
+
+def _two(value: float) -> str:
+    """Two significant digits without an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _misses(f: Fit, errors: dict[str, float]) -> str:
@@ -93,7 +98,7 @@ def _directions(f: Fit) -> str:
     forces = {e.direction_name: float(np.interp(top, e.x, e.y)) for e in strips}
     text = ", ".join(f"{k} {v:.3g}" for k, v in forces.items())
     low, high = min(forces.values()), max(forces.values())
-    factor = f"a factor {high / low:.2g}" if low > 0 else "more than the resolution of the instrument"
+    factor = f"a factor {_two(high / low)}" if low > 0 else "more than the resolution of the instrument"
     return f"It is isotropic: one curve for directions that differ by {factor} at {100 * top:.1f} % ({text} N/m)."
 
 
@@ -104,5 +109,5 @@ def _hardening(f: Fit) -> list[str]:
             continue
         measured, law = hardening(e.x, e.y), hardening(e.x, p.y)
         if math.isfinite(measured) and measured > 2 * max(law, 0.1):
-            out.append(f"The {e.direction_name} curve steepens {measured:.2g} times, the law's {max(law, 0.0):.2g} times.")
+            out.append(f"The {e.direction_name} curve steepens {_two(measured)} times, the law's {_two(max(law, 0.0))} times.")
     return out
