@@ -72,8 +72,17 @@ def row(result: LawResult, homogeneous: LawResult | None, least: float) -> dict:
     out["reaches_target"] = bool(out["rmse_percent_of_range"] <= OVER_ALL and max(errors.values()) <= EACH_DIRECTION)
     out["homogeneous_rmse_percent_of_range"] = None if homogeneous is None or homogeneous.fit is None else \
         homogeneous.fit.rmse_percent_of_range
+    out["evaluation_s"] = evaluation_time(result.fit)
     out["why_not"] = reasons(result.fit)
     return out
+
+
+def evaluation_time(f) -> float:
+    """Seconds for one evaluation of all curves with derivatives, meshing and every load step included."""
+    fresh = f.problem.vary(level=f.problem.level)
+    clock = time.perf_counter()
+    fresh.evaluate(f.q)
+    return time.perf_counter() - clock
 
 
 def run(laws: Sequence | None = None, variants: Sequence[str] = VARIANTS, level: str = "fe", *, folder=None, progress=None,

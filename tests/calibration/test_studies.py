@@ -126,7 +126,7 @@ def test_cupro_without_a_mesh_gives_rows_and_reasons(tmp_path, capsys):
     rows = {r["law"]: r for r in found["variants"]["virgin"]["laws"]}
     assert found["variants"]["virgin"]["best_law"] == "st-venant-kirchhoff"
     assert rows["neo-hookean"]["n_parameters"] == 1 and rows["neo-hookean"]["delta_aicc"] > 0
-    assert not rows["neo-hookean"]["reaches_target"]
+    assert not rows["neo-hookean"]["reaches_target"] and rows["neo-hookean"]["evaluation_s"] > 0
     assert any("isotropic" in text for text in rows["neo-hookean"]["why_not"])
     assert any("no toe" in text for text in rows["st-venant-kirchhoff"]["why_not"])
     assert any("warp curve steepens" in text or "weft curve" in text or "bias curve" in text for r in rows.values()
@@ -210,6 +210,14 @@ def test_grading_maps_the_strip_onto_itself():
     assert g[1] / 0.01 == pytest.approx(0.3, abs=0.01) and np.diff(g).max() / 0.01 == pytest.approx(1.7, abs=0.01)
     with pytest.raises(InputError):
         mesh.Mesh("too steep", 100, grading=0.99)
+
+
+def test_jobs_travel_to_other_processes():
+    import pickle
+
+    one = mesh.Mesh("coarse", 60)
+    for job in ((mesh.forces, (one, 0.08, 0.05, 0.7, (0.01,))), (round_trip.one_seed, (QUICK, "[]", 0))):
+        assert pickle.loads(pickle.dumps(job)) == job
 
 
 def test_mesh_study_shows_the_locking_of_one_diagonal(tmp_path):
