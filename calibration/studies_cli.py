@@ -179,7 +179,8 @@ def _show_cupro(p) -> list:
                 continue
             errors = " / ".join(f"{v:.1f}" for v in r["rmse_by_experiment"].values())
             rows.append((r["law"], f"{r['rmse_percent_of_range']:.2f}", errors, r["n_parameters"], f"{r['aicc']:.1f}",
-                         "yes" if r["stable"] else "no", f"{r['n_evaluations']} x {r['evaluation_s']:.2f} s", "reached" if r["reaches_target"] else "missed"))
+                         "yes" if r["stable"] else "no", f"{r['n_evaluations']} x {r['evaluation_s']:.2f} s",
+                         "reached" if r["reaches_target"] else "missed"))
         order = " / ".join(name.split(",")[0] for name in found["experiments"])
         shown.append(_table(f"cupro SU-1098, {variant} ({p['level']}; {order}; {found['wall_s']:.0f} s)", columns, rows))
     return [*shown, *map(_plain, p["words"])]
