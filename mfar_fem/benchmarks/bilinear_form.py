@@ -19,16 +19,18 @@ class MembraneForm:
     ----------
     shell : Shell
         Flat, without bending.
+    intorder : int, optional
+        Degree of the quadrature; 2 suffices for the matrix, scikit-fem's own choice for P2 is 4.
     """
 
-    def __init__(self, shell: Shell):
+    def __init__(self, shell: Shell, intorder: int | None = 2):
         from skfem import Basis, BilinearForm, ElementTriP1, ElementTriP2, ElementVector, MeshTri
 
         surface = shell.surface
         mesh = MeshTri(surface.vertices.T[:2].copy(), surface.triangles.T.copy())
         element = ElementTriP1() if surface.order == 1 else ElementTriP2()
         self.shell = shell
-        self.basis = Basis(mesh, ElementVector(element, 3), intorder=2)
+        self.basis = Basis(mesh, ElementVector(element, 3), intorder=intorder)
         dofs = self.basis.nodal_dofs if surface.order == 1 else np.hstack([self.basis.nodal_dofs, self.basis.facet_dofs])
         self.numbering = np.empty(self.basis.N, dtype=np.int64)
         self.numbering[dofs.T.ravel()] = np.arange(self.basis.N)
