@@ -142,14 +142,14 @@ def _finish(name: str, payload: dict, folder: Path, as_json: bool, render) -> No
     emit(payload, as_json, lambda p: [*render(p), f"written: {file}"])
 
 
-def _table(title: str, columns: Mapping[str, str], rows) -> Any:
+def _table(title: str, columns: Mapping[str, Any], rows) -> Any:
     """A table from a heading -> side mapping and rows of text."""
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
-    for heading, side in columns.items():
-        table.add_column(heading, justify=side)
+    for k, (heading, side) in enumerate(columns.items()):
+        table.add_column(heading, justify=side, no_wrap=k == 0)
     for row in rows:
         table.add_row(*(escape(str(cell)) for cell in row))
     return table
@@ -169,8 +169,8 @@ def _show_round_trip(p) -> list:
 
 def _show_cupro(p) -> list:
     shown: list[Any] = []
-    columns = {"law": "left", "RMSE %": "right", "by direction": "left", "parameters": "right", "AICc": "right", "stable": "left",
-               "evaluations": "right", "target": "left"}
+    columns = {"law": "left", "RMSE %": "right", "each": "left", "p": "right", "AICc": "right", "stable": "left",
+               "time": "right", "target": "left"}
     for variant, found in p["variants"].items():
         rows = []
         for r in found["laws"]:

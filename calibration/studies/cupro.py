@@ -21,7 +21,8 @@ STARTS = {"bischoff": {"mu": 1e6, "a": 3.0, "b": 5.0, "c": 1.0}}
 
 
 def fit_all(variant: str, laws: Sequence, level: str = "fe", *, dataset: str = "cupro-su1098", starts: int = 3, seed: int = 0,
-            max_evaluations: int = 200, folder=None, resume: bool = True, where: Workers = SERIAL, progress=None):
+            max_evaluations: int = 200, folder=None, resume: bool = True, where: Workers = SERIAL,
+            progress=None):
     """Fit laws to one state of the fabric.
 
     Returns

@@ -177,8 +177,8 @@ def run(*, strain=(0.04, 0.08, 0.12, 0.16), meshes=MESHES, finest: Mesh | None =
         row["error_percent"] = [None if f is None else 100.0 * (f / b - 1.0)
                                 for f, b in zip(row["line_force_N_per_m"], best, strict=True)]
     chosen = [m for m in meshes if m.name in refitted]
-    jobs, names = [(m, variant) for m in chosen], [f"refit-{variant}-{_slug(m.name)}" for m in chosen]
-    refits = kept.run_kept(refit, jobs, names, progress=at("refits"), **common) if chosen else []
+    pairs, names = [(m, variant) for m in chosen], [f"refit-{variant}-{_slug(m.name)}" for m in chosen]
+    refits = kept.run_kept(refit, pairs, names, progress=at("refits"), **common) if chosen else []
     return {"law": "yarn-network", "strain": list(strain), "forces": rows, "refits": refits, "words": words(strain, rows, refits),
             "wall_s": time.perf_counter() - clock}
 
