@@ -32,7 +32,7 @@ $(BIN)/python:
 
 # Stamps: installed again only when pyproject.toml changes. The second holds everything of the first.
 $(VENV)/installed: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster]'
 	touch $@
 
 $(VENV)/installed-dev: pyproject.toml | $(BIN)/python

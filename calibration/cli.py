@@ -13,10 +13,12 @@ from mfar_fem.errors import NotConvergedError
 
 Out = Annotated[Path | None, typer.Option("--out", "-o", help="Output folder; out/DATASET by default.")]
 Variant = Annotated[str | None, typer.Option(help="State of the fabric, e.g. preconditioned, virgin, envelope.")]
-WorkersOption = Annotated[int, typer.Option(min=1, help="Local worker processes (more than 1 needs the extra 'cluster').")]
+WorkersOption = Annotated[
+    int, typer.Option(min=0, help="Local worker processes; 0: one a core where the extra 'cluster' is installed, else 1.")
+]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a Dask scheduler to use instead of local workers.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
-Level = Annotated[str, typer.Option(help="Forward model: homogeneous (no mesh) or fe.")]
+Level = Annotated[str, typer.Option(help="Forward model: homogeneous (no mesh), fe, fe-draft or fe-reference (meshes).")]
 
 
 def calibrate(
@@ -29,7 +31,7 @@ def calibrate(
         str | None, typer.Option(help="Fabric file or preset for thickness, areal density and bending; else the dataset's.")
     ] = None,
     variant: Variant = None,
-    level: Level = "homogeneous",
+    level: Level = "fe",
     fe_laws: Annotated[str, typer.Option(help="Laws refitted at the second level: best or all.")] = "best",
     starts: Annotated[int, typer.Option(min=1, help="Starting points a law at the homogeneous level.")] = 3,
     bootstrap: Annotated[int, typer.Option(min=0, help="Bootstrap replicates of the final fit; 0 for none.")] = 0,
@@ -38,7 +40,7 @@ def calibrate(
     cross_validation: Annotated[bool, typer.Option(help="Refit on part of the curves, predict the rest.")] = True,
     seed: Annotated[int, typer.Option(help="Of the starting points and the bootstrap.")] = 0,
     max_evaluations: Annotated[int, typer.Option(min=1, help="Forward evaluations a start.")] = 200,
-    workers: WorkersOption = 1,
+    workers: WorkersOption = 0,
     scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume/--fresh", help="Go on from the checkpoints in the folder.")] = True,
     json: Json = False,
@@ -73,10 +75,10 @@ def calibrate(
             cross_validation=cross_validation,
             checkpoints=checkpoints,
             resume=resume,
-            where=Workers(workers, scheduler),
+            where=Workers.choose(workers, scheduler),
             progress=progress,
         )
-        files = write(study, folder)
+        files = write(study, folder, extra=cantilever_in_words(study.calibrated()))
     _show_calibration(study, files, json)
     if not study.fit.converged:
         raise typer.Exit(NotConvergedError.exit_code)
@@ -87,9 +89,9 @@ def validate(
     dataset: Annotated[str, typer.Argument(help="Shipped dataset, folder, dataset.toml or U3M .json file.")],
     out: Out = None,
     variant: Variant = None,
-    level: Level = "homogeneous",
+    level: Level = "fe",
     cross_validation: Annotated[bool, typer.Option(help="Also refit the fabric's law on part, predict the rest.")] = True,
-    workers: WorkersOption = 1,
+    workers: WorkersOption = 0,
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
@@ -108,12 +110,26 @@ def validate(
         checks = predict_all(cloth, data.experiments, level)
         cross = []
         if cross_validation:
-            where = Workers(workers, scheduler)
+            where = Workers.choose(workers, scheduler)
             cross = cross_validate(
                 cloth, data.experiments, level, where=where, progress=lambda a, b: progress("cross-validation", a, b)
             )
         values, files = write(folder, cloth, data, level, checks, by_interval(checks), cross)
     _show_validation(values, files, json)
+
+
+def cantilever_in_words(fabric) -> dict:
+    """What the calibrated fabric would do in the cantilever test (ASTM D1388, exact elastica), for the report."""
+    from material_tests.cantilever import exact
+
+    words, values = [], {}
+    for direction in ("warp", "weft", "bias"):
+        r = exact(fabric, direction)
+        values[direction] = {"overhang_m": r.reading, "bending_length_m": r.bending_length, "rigidity_Nm": r.rigidity}
+        words.append(f"Cantilever (ASTM D1388, 41.5°), {direction}: overhang {1e3 * r.reading:.1f} mm, bending length "
+                     f"{1e3 * r.bending_length:.1f} mm, from a rigidity of {1e6 * r.rigidity:.3g} µN·m.")
+    words.append(f"Source of the bending: {fabric.sources.get('bending', 'not stated')}. The tensile curves do not determine it.")
+    return {"predictions_in_words": words, "cantilever": values}
 
 
 def resolve_laws(names: list[str] | None) -> list:
@@ -160,19 +176,23 @@ def _calibration_text(study, files) -> list:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=f"Laws on {study.dataset.name} ({study.level})", title_justify="left")
-    for name, side in (("law", "left"), ("RMSE %", "right"), ("parameters", "right"), ("AICc", "right"), ("stable", "left")):
-        table.add_column(name, justify=side)
-    for r in study.levels[study.level]:
-        if r.fit is None:
-            table.add_row(r.law, "-", "-", "-", escape(f"not fitted: {r.error}"))
-        else:
-            stable = "yes" if r.stability.stable else "no"
-            table.add_row(r.law, f"{r.fit.rmse_percent_of_range:.2f}", str(len(r.fit.q)), f"{r.aicc:.1f}", stable)
+    tables = []
+    for level, results in study.levels.items():
+        table = Table(title=f"Laws on {study.dataset.name} ({level})", title_justify="left")
+        for name, side in (("law", "left"), ("RMSE %", "right"), ("parameters", "right"), ("AICc", "right"), ("stable", "left")):
+            table.add_column(name, justify="right" if side == "right" else "left")
+        for r in results:
+            if r.fit is None:
+                table.add_row(r.law, "-", "-", "-", escape(f"not fitted: {r.error}"))
+            else:
+                stable = "yes" if r.stability.stable else "no"
+                table.add_row(r.law, f"{r.fit.rmse_percent_of_range:.2f}", str(len(r.fit.q)), f"{r.aicc:.1f}", stable)
+        tables.append(table)
     curves = ", ".join(f"{k} {v:.2f} %" for k, v in study.fit.rmse_by_experiment.items())
-    lines = [table, f"[bold]{study.best.law}[/bold]: {escape(curves)}"]
+    lines = [*tables, f"[bold]{study.best.law}[/bold] ({study.level}): {escape(curves)}"]
     lines += [f"  {escape(text)}" for text in study.words["parameters"].values()]
     lines += [f"[yellow]{escape(text)}[/yellow]" for text in study.words["warnings"]]
+    lines.append("time: " + ", ".join(f"{k} {v:.1f} s" for k, v in study.timings.items()))
     lines += [f"{name}: {escape(str(path))}" for name, path in files.items()]
     return lines
 

@@ -80,6 +80,7 @@ def payload(study: Study) -> dict:
             "median": study.bootstrap.median,
             "intervals": study.bootstrap.intervals,
         },
+        "timings_s": study.timings,
         "settings": study.settings,
     }  # fmt: skip
 

@@ -10,6 +10,7 @@ Functions and arguments must be picklable; on a foreign cluster this package mus
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
@@ -54,6 +55,14 @@ class Workers:
     def __post_init__(self) -> None:
         if self.workers < 1:
             raise InputError(f"workers is {self.workers}; at least 1 is needed")
+
+    @classmethod
+    def choose(cls, workers: int = 0, scheduler: str | None = None) -> Workers:
+        """As asked for; with 0 workers one a core where Dask is installed, else one."""
+        if workers == 0:
+            found = importlib.util.find_spec("distributed") is not None
+            workers = (os.cpu_count() or 1) if found and scheduler is None else 1
+        return cls(workers, scheduler)
 
     @property
     def serial(self) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +29,7 @@ class Study:
     """Everything a calibration found.
 
     ``levels`` maps a level ('homogeneous', 'fe') to its law results, best AICc first; ``level`` is the final one, on
-    which ``fit`` (the best law's), the statistics and the cross-validation stand.
+    which ``fit`` (the best law's), the statistics and the cross-validation stand. ``timings`` are seconds by stage.
     """
 
     dataset: Dataset
@@ -43,6 +45,7 @@ class Study:
     cross: list[CrossValidation]
     words: dict
     settings: dict = field(default_factory=dict)
+    timings: dict[str, float] = field(default_factory=dict)
 
     @property
     def best(self) -> LawResult:
@@ -144,6 +147,14 @@ def calibrate(
         No law could be fitted.
     """
 
+    timings: dict[str, float] = {}
+
+    @contextlib.contextmanager
+    def timed(stage):
+        clock = time.perf_counter()
+        yield
+        timings[stage] = time.perf_counter() - clock
+
     def at(stage):
         return None if progress is None else (lambda done, total: progress(stage, done, total))
 
@@ -163,31 +174,36 @@ def calibrate(
         return None if checkpoints is None else [checkpoints / f"{name}-{p.fabric.law.name}.json" for p in some]
 
     common = {"seed": seed, "max_evaluations": max_evaluations, "resume": resume, "where": where}
-    first = compare(
-        problems, starts=starts, checkpoints=files("homogeneous", problems), progress=at("homogeneous fits"), **common
-    )
+    with timed("homogeneous fits"):
+        first = compare(
+            problems, starts=starts, checkpoints=files("homogeneous", problems), progress=at("homogeneous fits"), **common
+        )
     levels = {"homogeneous": first}
     if first[0].fit is None:
         raise NotConvergedError(f"no law could be fitted: {'; '.join(f'{r.law}: {r.error}' for r in first)}")
     if level != "homogeneous":
         chosen = [r for r in first if r.fit is not None][: 1 if fe_laws == "best" else None]
         second = {"max_evaluations": max_evaluations, "resume": resume, "where": where}
-        levels[level] = refine(problems, chosen, level, folder=checkpoints, progress=at(f"{level} fits"), **second)
+        with timed(f"{level} fits"):
+            levels[level] = refine(problems, chosen, level, folder=checkpoints, progress=at(f"{level} fits"), **second)
         if levels[level][0].fit is None:
             reasons = "; ".join(f"{r.law}: {r.error}" for r in levels[level])
             raise NotConvergedError(f"no law could be fitted at the level '{level}': {reasons}")
     best = levels[level][0].fit
-    found = profiles(best, where=where, progress=at("profiles")) if with_profiles else {}
+    with timed("profiles"):
+        found = profiles(best, where=where, progress=at("profiles")) if with_profiles else {}
     boot = None
     if replicates:
-        boot = bootstrap(
-            best, replicates, method=bootstrap_method, seed=seed, where=where, progress=at("bootstrap replicates")
-        )
+        with timed("bootstrap"):
+            boot = bootstrap(
+                best, replicates, method=bootstrap_method, seed=seed, where=where, progress=at("bootstrap replicates")
+            )
     linear = linear_statistics(best)
     checks = predict_all(best.fabric, dataset.experiments, level)
     cross = []
     if cross_validation:
-        cross = cross_validate(best.fabric, dataset.experiments, level, where=where, progress=at("cross-validation"))
+        with timed("cross-validation"):
+            cross = cross_validate(best.fabric, dataset.experiments, level, where=where, progress=at("cross-validation"))
     settings = {"starts": starts, "seed": seed, "bootstrap": replicates, "bootstrap_method": bootstrap_method}
     return Study(
         dataset=dataset,
@@ -203,4 +219,5 @@ def calibrate(
         cross=cross,
         words=all_words(best, linear, found, boot),
         settings=settings,
+        timings=timings,
     )
