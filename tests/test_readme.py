@@ -23,11 +23,12 @@ def test_python_example_runs(tmp_path, monkeypatch, capsys):
     scope = {}
     for block in blocks("python"):
         exec(compile(block, "README.md", "exec"), scope)
-    # by hand: E11 = (1.05^2 - 1)/2 = 0.05125; S11 = 774 E11, S22 = 894.78 E11; S12 = 51.3 * 0.1
-    assert scope["stress"][0] == pytest.approx([39.67, 45.86, 0.0], abs=0.01)
-    assert scope["stress"][1] == pytest.approx([0.0, 0.0, 5.13], abs=1e-9)
-    assert "[39.7, 45.9, 0.0]" in capsys.readouterr().out
-    assert (tmp_path / "thicker.toml").exists()
+    assert scope["pulled"].converged
+    rmse = (scope["error"] ** 2).mean() ** 0.5
+    assert rmse < 5.0  # preset fitted on the reference mesh, run on the standard one
+    assert f"RMSE {rmse:.1f} % of the measured range of 100 N/m" in capsys.readouterr().out
+    assert scope["pulled"].sensitivity[-1, 0] < 0  # a trellis that locks later carries less
+    assert scope["shear"].min() < 5 < 40 < scope["shear"].max() < 90
 
 
 def test_fabric_file_loads():
