@@ -70,8 +70,8 @@ REFIT_TOLERANCE = 1e-5
 class _Tracer:
     """SSR as a function of one parameter's coordinate, each refit started from the nearest one already done."""
 
-    def __init__(self, f: Fit, k: int, max_evaluations: int):
-        self.f, self.k, self.max_evaluations = f, k, max_evaluations
+    def __init__(self, f: Fit, k: int, max_evaluations: int, threshold: float, s2: float):
+        self.f, self.k, self.max_evaluations, self.threshold, self.s2 = f, k, max_evaluations, threshold, s2
         self.unknown = f.problem.unknowns[k]
         self.points: dict[float, tuple[float, dict[str, float]]] = {float(f.q[k]): (f.ssr, dict(f.parameters))}
 
@@ -104,10 +104,48 @@ class _Tracer:
         others = {k: v for k, v in start.items() if k != name}
         try:
             base = base.vary(fabric=base.fabric_at({**others, name: value}))
+            quick = _gauss_newton(base.fixed(name, value), CLOSE * self.threshold * self.s2)
+            if quick is not None:
+                return quick[0], {**quick[1], name: value}
             f = fit(base.fixed(name, value), max_evaluations=self.max_evaluations, tolerance=REFIT_TOLERANCE)
         except (ParameterError, MfarError):
             return np.inf, start
         return f.ssr, {**f.parameters, name: value}
+
+
+def _gauss_newton(problem: Problem, enough: float, tries: int = 8) -> tuple[float, dict[str, float]] | None:
+    """Refit by Gauss–Newton steps (shortened where they overshoot) from a good start; None where that does not settle.
+
+    Ends as soon as the linearised problem (with its bounds) promises less than ``enough`` of the sum of squares; that
+    promise is then taken off. Returns the sum of squares and the parameters.
+    """
+    from scipy.optimize import lsq_linear
+
+    low, high = problem.bounds()
+    q = np.array([float(u.to_q(u.initial)) for u in problem.unknowns])
+    last, before, taken = np.inf, q, np.zeros(q.size)
+    for _ in range(tries):
+        r, J, _ = problem.evaluate(q)
+        if J is None or not np.isfinite(r).all():
+            return None
+        ssr = float(r @ r)
+        if ssr > last:
+            taken = 0.4 * taken
+            q = np.clip(before + taken, low, high)
+            continue
+        scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+        room_low, room_high = np.minimum((low - q) * scale, 0.0), np.maximum((high - q) * scale, 0.0)
+        free = room_high - room_low > 0
+        move = np.zeros(q.size)
+        move[free] = lsq_linear(J[:, free] / scale[free], -r, bounds=(room_low[free], room_high[free]), tol=1e-12).x / scale[free]
+        left = r + J @ move
+        promise = ssr - float(left @ left)
+        if promise < enough:
+            return ssr - max(promise, 0.0), problem.values(q + move)
+        damping = 1.0 if not taken.any() else 0.6  # a curved model overshoots near the end and would swing
+        before, last, taken = q, ssr, damping * np.clip(move, -1.0, 1.0)
+        q = np.clip(q + taken, low, high)
+    return None
 
 
 def profile(f: Fit, name: str, *, confidence: float = 0.95, max_evaluations: int = 60, max_points: int = 14) -> Profile:
@@ -125,7 +163,7 @@ def profile(f: Fit, name: str, *, confidence: float = 0.95, max_evaluations: int
     threshold = float(fisher.ppf(confidence, 1, n - p))
     s2 = max(f.ssr / (n - p), np.finfo(float).tiny)
     low, high = (b[k] for b in problem.bounds())
-    tracer = _Tracer(f, k, max_evaluations)
+    tracer = _Tracer(f, k, max_evaluations, threshold, s2)
 
     def z(q: float) -> float:  # signed root, clipped at zero: nearly linear in q near the optimum
         return float(np.sqrt(max(tracer.ssr(q) - f.ssr, 0.0) / s2))

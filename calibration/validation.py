@@ -147,7 +147,7 @@ def _one(job) -> CrossValidation:
     size, unknowns = sum(len(e) for e in train), law_unknowns(fabric.law)
     if size <= len(unknowns):
         return CrossValidation(label, None, [], f"{size} readings cannot determine {len(unknowns)} parameters")
-    result = fit_law(Problem(fabric, unknowns, train, level_name), starts=starts, rescale=False)
+    result = fit_law(Problem(fabric, unknowns, train, level_name), starts=starts, rescale=False, tolerance=1e-5, max_evaluations=60)
     if result.fit is None:
         return CrossValidation(label, None, [], result.error)
     return CrossValidation(label, result.fit, predict_all(result.fit.fabric, test, level_name))
