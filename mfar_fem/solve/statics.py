@@ -11,7 +11,7 @@ import numpy as np
 from mfar_fem.errors import InputError
 from mfar_fem.result import LoadStep, StaticResult
 from mfar_fem.shell import State
-from mfar_fem.solve.linear import SingularMatrixError
+from mfar_fem.solve.linear import SingularMatrixError, rigid_body_modes
 from mfar_fem.solve.newton import DEFAULT_OPTIONS, NewtonOptions, NewtonResult, _solver, newton
 from mfar_fem.solve.problem import Problem
 
@@ -95,8 +95,21 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
     timings["total"] = time.perf_counter() - clock
     message = "equilibrium reached at every level" if status == "converged" else (
         f"{status}: load factor {lam:.6g} of {targets[-1]:.6g} reached; the last converged state is kept")
+    loose = 0 if status == "converged" else free_rigid_motions(problem)
+    if loose:
+        message += f"; the supports leave {loose} rigid motion{'s' if loose > 1 else ''} of the sheet free: is it held?"
     return StaticResult(status == "converged", status, message, tuple(steps), iterations, wasted,
                         assemblies, timings, tuple(dict.fromkeys(notes)))
+
+
+def free_rigid_motions(problem: Problem) -> int:
+    """How many of the six rigid motions the supports leave free (a sheet hung from two points may well swing about them)."""
+    modes = rigid_body_modes(problem.shell, problem.start())[problem.fixed]
+    if len(modes) == 0:
+        return 6
+    size = np.ptp(problem.surface.nodes, axis=0).max()
+    modes[:, 3:] /= size
+    return 6 - int(np.linalg.matrix_rank(modes, tol=1e-9))
 
 
 def _failure(result: NewtonResult | None) -> str:
