@@ -266,7 +266,7 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
     second_left, second_right = np.zeros((n_second, nx)), np.zeros((n_second, nx))
     K, H, G = np.zeros((nu, nu)), np.zeros((nx, nx)), np.zeros((nn, nn))
     f, fs, fg, fk = np.zeros(nu), np.empty(ns), np.empty(ns), np.empty(nk)
-    Dq, TP = np.empty((3, 3)), np.empty((3, ns))
+    Dq, TP = np.empty((3, 3)), np.empty((3 * nq, ns))
     m, Phi, row, edge_t = np.empty(3), np.empty((3, 3)), np.empty(nu), np.empty(3)
     bad = 0
     for el in range(conn.shape[0]):
@@ -305,31 +305,23 @@ def assemble(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, sec
                         acc = 0.0
                         for b in range(3):
                             acc += push[el, q, a, b] * interpolation[q, b, k]
-                        TP[a, k] = acc
+                        TP[3 * q + a, k] = acc
                     for k in range(ns):
-                        fs[k] += w * S[el, q, a] * TP[a, k]
-                        fg[k] += w * S_geometric[el, q, a] * TP[a, k]
-                if want_tangent:
+                        fs[k] += w * S[el, q, a] * TP[3 * q + a, k]
+                        fg[k] += w * S_geometric[el, q, a] * TP[3 * q + a, k]
+            if want_tangent:
+                np.dot(TP, Js, left[:3 * nq])
+                for q in range(nq):
+                    w = weights[el, q]
                     for a in range(3):
                         for b in range(3):
                             Dq[a, b] = D[el, q, a, b]
                     if not exact:
                         _clamp3(Dq)
                     for a in range(3):
-                        L = left[used + a]
-                        L[:] = 0.0
-                        for k in range(ns):
-                            v = TP[a, k]
-                            for j in range(nx):
-                                L[j] += v * Js[k, j]
-                    for a in range(3):
                         d0, d1, d2 = w * Dq[a, 0], w * Dq[a, 1], w * Dq[a, 2]
-                        for j in range(nx):
+                        for j in range(nu):
                             right[used + a, j] = d0 * left[used, j] + d1 * left[used + 1, j] + d2 * left[used + 2, j]
-                    for a in range(3):
-                        for j in range(nx, nu):
-                            left[used + a, j] = 0.0
-                            right[used + a, j] = 0.0
                     used += 3
             for k in range(ns):
                 v = fs[k]
