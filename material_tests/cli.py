@@ -157,19 +157,9 @@ def _strains(strain: float, points: int):
 
 def _strip_homogeneous(fabric, gauge, width, angle, strains) -> dict[str, Any]:
     """The payload of a strip test without a mesh; ``run`` of the finite-element level returns the same keys."""
-    from material_tests.strip import LATERAL, force_curve
+    from material_tests.strip import homogeneous
 
-    curves = {}
-    for lateral in LATERAL:
-        curve = force_curve(fabric, angle, strains, lateral, width)
-        good = curve.converged
-        curves[lateral] = {
-            "strain": curve.strain[good],
-            "line_force_N_per_m": curve.line_force[good],
-            "force_N": curve.force[good],
-            "lateral_strain": curve.lateral_strain[good],
-            "converged": bool(good.all()),
-        }
+    curves = homogeneous.curves(fabric, angle, strains, width)
     return {
         "test": "strip",
         "standard": "ASTM D5035",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from material_tests.strip import homogeneous
 from material_tests.strip.fe import StripResult, StripTest
 from material_tests.strip.homogeneous import LATERAL, force_curve
 
@@ -58,18 +59,9 @@ def run(fabric, gauge: float, width: float, angle: float, strains, fidelity: str
             "force_N": result.force[:n],
             "lateral_strain": result.lateral_strain(),
             "converged": result.converged,
-        }
+        },
+        **homogeneous.curves(fabric, angle, result.strain, width),
     }
-    for lateral in LATERAL:
-        curve = force_curve(fabric, angle, result.strain, lateral, width)
-        good = curve.converged
-        curves[lateral] = {
-            "strain": curve.strain[good],
-            "line_force_N_per_m": curve.line_force[good],
-            "force_N": curve.force[good],
-            "lateral_strain": curve.lateral_strain[good],
-            "converged": bool(good.all()),
-        }
     return {
         "test": "strip",
         "standard": "ASTM D5035",

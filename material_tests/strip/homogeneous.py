@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -115,3 +116,36 @@ def force_curve(
         names=response.names,
         sensitivity=scale * response.sensitivity,
     )
+
+
+def curves(fabric, angle: float, strains, width: float) -> dict[str, dict[str, Any]]:
+    """Both homogeneous curves as plain columns, for the payload of ``mfar test strip``.
+
+    Parameters
+    ----------
+    fabric : Fabric
+    angle : float
+        Of the strip's axis from the warp, rad.
+    strains : (m,) array_like
+        Engineering strains.
+    width : float
+        m.
+
+    Returns
+    -------
+    dict
+        By lateral assumption (`LATERAL`): ``strain``, ``line_force_N_per_m``, ``force_N`` and ``lateral_strain``, (k,) each
+        over the k <= m strains reached; ``converged``: whether all were.
+    """
+    columns = {}
+    for lateral in LATERAL:
+        curve = force_curve(fabric, angle, strains, lateral, width)
+        good = curve.converged
+        columns[lateral] = {
+            "strain": curve.strain[good],
+            "line_force_N_per_m": curve.line_force[good],
+            "force_N": curve.force[good],
+            "lateral_strain": curve.lateral_strain[good],
+            "converged": bool(good.all()),
+        }
+    return columns
