@@ -78,6 +78,7 @@ class LazyCommand(TyperCommand):
         self.point = point
 
     def make_context(self, info_name, args, parent=None, **extra):
+        """Load the command and let it parse its own arguments."""
         return load_command(self.point).make_context(info_name, args, parent=parent, **extra)
 
 
@@ -90,6 +91,7 @@ class LazyGroup(TyperGroup):
             self.add_command(LazyCommand(point), name)
 
     def invoke(self, ctx) -> None:
+        """Run the command; what it returns is dropped."""
         super().invoke(ctx)  # what a command returns is not an exit code
 
 

@@ -48,10 +48,12 @@ class ArrudaBoyce(InvariantLaw):
     invariants = ("I1",)
 
     def validate(self):
+        """ParameterError unless N > 1."""
         if self.N <= 1.0:
             raise ParameterError(f"{self.name}: N = {self.N:g} would lock the chains at rest; N > 1 is needed")
 
     def admissible(self, q):
+        """Where the energy is finite, (n,) bool: ``I1 < 3 N``, short of locking."""
         return q["I1"] < 3.0 * self.N * (1.0 - 1e-12)
 
     def _unit(self, i1):
@@ -65,12 +67,14 @@ class ArrudaBoyce(InvariantLaw):
         return float(self._unit(np.array([3.0]))[0][0])
 
     def potential(self, q, order):
+        """Energy, J/m^3, 0 at rest, and its derivatives in I1; shapes as in :meth:`.InvariantLaw.potential`."""
         psi, x, beta, slope = self._unit(q["I1"])
         first = {"I1": self.mu / 6.0 * beta / x}
         second = {("I1", "I1"): self.mu / (36.0 * self.N) * (slope - beta / x) / (x * x)}
         return self.mu * (psi - self._rest), first, second
 
     def parameter_derivatives(self, q, name):
+        """``d(dPsi/dI1)/dtheta`` for mu or N, (n,)."""
         _, x, beta, slope = self._unit(q["I1"])
         if name == "mu":
             return {"I1": beta / (6.0 * x)}

@@ -44,6 +44,7 @@ class EnergyLaw(Law):
         super().__init__(**values)
 
     def parameter(self, name):
+        """Return the table row of a parameter, or raise ParameterError; the table is that of this law, not of the class."""
         for p in self.parameters:
             if p.name == name:
                 return p
@@ -51,6 +52,7 @@ class EnergyLaw(Law):
         raise ParameterError(f"{self.name} has no parameter '{name}'; it has: {known}")
 
     def replace(self, **values):
+        """Return the same energy function with some values changed, SI."""
         return EnergyLaw(self.func, self.parameters, self.basis, self.name, {**self._values, **values}, self._spec)
 
     def __eq__(self, other):
@@ -94,6 +96,13 @@ class EnergyLaw(Law):
         return f
 
     def evaluate(self, C, order: int = 2):
+        """Energy (n,), stress (n, 3) and tangent (n, 3, 3), differentiated automatically; see :meth:`.Law.evaluate`.
+
+        Raises
+        ------
+        InputError
+            The function returns a wrong shape, or ``autograd`` cannot differentiate it.
+        """
         arguments, energy, ok = self._arguments(C)
         if order < 1:
             return energy, None, None
@@ -109,6 +118,7 @@ class EnergyLaw(Law):
         return energy, stress, np.where(ok[:, None, None], tangent, 0.0)
 
     def stress_sensitivity(self, C, names: Sequence[str]):
+        """``dS_I/dtheta`` by automatic differentiation, (n, 3, len(names)); raises as :meth:`evaluate` does."""
         arguments, _, ok = self._arguments(C)
         out = np.zeros((len(ok), 3, len(names)))
         position = {row.name: 3 + i for i, row in enumerate(self.parameters)}

@@ -59,6 +59,7 @@ class Bischoff(InvariantLaw):
     invariants = ("C11", "C22", "C12", "C33")
 
     def validate(self):
+        """ParameterError unless N = (a^2 + b^2 + c^2)/4 > 1."""
         if self.N <= 1.0:
             raise ParameterError(
                 f"{self.name}: N = (a^2 + b^2 + c^2)/4 = {self.N:g} would lock the chains at rest; N > 1 is needed"
@@ -87,11 +88,13 @@ class Bischoff(InvariantLaw):
         return rates
 
     def admissible(self, q):
+        """Where the energy is finite, (n,) bool: both chain lengths above 0 and below their limit, ``0 < rho < N``."""
         limit = (self.N * (1.0 - 1e-12)) ** 2
         u, v = self._squares(q)
         return (u < limit) & (v < limit) & (u > 0.0) & (v > 0.0)
 
     def potential(self, q, order):
+        """Energy, J/m^3, 0 at rest, and its derivatives in C11, C22, C12, C33; shapes as in :meth:`.InvariantLaw.potential`."""
         mu, n = self.mu, self.N
         beta_p, _, rest = self._rest
         pull = 0.125 * mu * beta_p / n**0.5
@@ -117,6 +120,7 @@ class Bischoff(InvariantLaw):
         return psi, first, second
 
     def parameter_derivatives(self, q, name):
+        """Derivatives of ``dPsi/dC11``, ``dC22``, ``dC12``, ``dC33`` with respect to mu or a side, (n,) each."""
         if name == "mu":
             return {k: v / self.mu for k, v in self.potential(q, 1)[1].items()}
         mu, n, side = self.mu, self.N, self.values[name]

@@ -58,16 +58,20 @@ class EightChainLiteral(InvariantLaw):
     invariants = ("I1",)
 
     def validate(self):
+        """ParameterError unless nu > 1/3."""
         require_stable_nu(self)
 
     def admissible(self, q):
+        """Where the energy is finite, (n,) bool: ``I1 - 3 < 3 nu (1 + det H)``, where phi is positive."""
         return q["I1"] - 3.0 < 3.0 * self.nu * (1.0 + self.detH)
 
     def potential(self, q, order):
+        """Energy, J/m^3, 0 at rest, and its derivatives in I1; shapes as in :meth:`.InvariantLaw.potential`."""
         psi, d1, d2 = chain_energy(q["I1"] - 3.0, self.mu, self.nu, self.detH)
         rest = chain_energy(0.0, self.mu, self.nu, self.detH)[0]
         return psi - rest, {"I1": d1}, {("I1", "I1"): d2}
 
     def parameter_derivatives(self, q, name):
+        """``d(dPsi/dI1)/dtheta`` for mu, nu or detH, (n,)."""
         which = "d" if name == "detH" else name
         return {"I1": chain_energy_parameter(q["I1"] - 3.0, self.mu, self.nu, which, self.detH)}

@@ -58,6 +58,7 @@ class EightChainSilk(InvariantLaw):
     invariants = ("I1", "C11", "C22")
 
     def validate(self):
+        """ParameterError unless nu > 1/3."""
         require_stable_nu(self)
 
     def _measure(self, q):
@@ -68,9 +69,11 @@ class EightChainSilk(InvariantLaw):
         return i, k1 * (1.0 - 1.0 / a), k2 * (1.0 - 1.0 / b)
 
     def admissible(self, q):
+        """Where the energy is finite, (n,) bool: the chain measure is below ``3 nu``."""
         return self._measure(q)[0] < 3.0 * self.nu
 
     def potential(self, q, order):
+        """Energy, J/m^3, and its derivatives in I1, C11, C22; shapes as in :meth:`.InvariantLaw.potential`."""
         i, ga, gb = self._measure(q)
         psi, d1, d2 = chain_energy(i, self.mu, self.nu)
         if order == 0:
@@ -90,6 +93,7 @@ class EightChainSilk(InvariantLaw):
         return psi, first, second
 
     def parameter_derivatives(self, q, name):
+        """Derivatives of ``dPsi/dI1``, ``dC11``, ``dC22`` with respect to one parameter, (n,) each."""
         i, ga, gb = self._measure(q)
         if name in ("mu", "nu"):
             d = chain_energy_parameter(i, self.mu, self.nu, name)

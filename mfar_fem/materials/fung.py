@@ -56,9 +56,11 @@ class Fung(InvariantLaw):
         return g1 * e1 + g2 * e2 + 0.5 * g3 * s, {"C11": g1, "C22": g2, "C12": g3}
 
     def admissible(self, q):
+        """Where the energy is finite, (n,) bool: ``Q < 500``, short of overflow."""
         return self._form(q)[0] < _LIMIT
 
     def potential(self, q, order):
+        """Energy, J/m^3, and its derivatives in C11, C22, C12; shapes as in :meth:`.InvariantLaw.potential`."""
         form, g = self._form(q)
         psi = 0.5 * self.c * np.expm1(form)
         if order == 0:
@@ -77,6 +79,7 @@ class Fung(InvariantLaw):
         return psi, first, second
 
     def parameter_derivatives(self, q, name):
+        """Derivatives of ``dPsi/dC11``, ``dC22``, ``dC12`` with respect to one parameter, (n,) each."""
         form, g = self._form(q)
         f = 0.5 * self.c * np.exp(form)
         if name == "c":

@@ -60,10 +60,12 @@ class GasserOgdenHolzapfel(InvariantLaw):
         return np.maximum(kappa * (q["I1"] - 3.0) + (1.0 - 3.0 * kappa) * (q[axis] - 1.0), 0.0)
 
     def admissible(self, q):
+        """Where the energy is finite, (n,) bool: both exponents below 500, short of overflow."""
         w, f = self._taut(q, "C11"), self._taut(q, "C22")
         return (self.k2w * w * w < _LIMIT) & (self.k2f * f * f < _LIMIT)
 
     def potential(self, q, order):
+        """Energy, J/m^3, and its derivatives in I1, C11, C22; shapes as in :meth:`.InvariantLaw.potential`."""
         kappa, aligned = self.kappa, 1.0 - 3.0 * self.kappa
         psi = 0.5 * self.mu * (q["I1"] - 3.0)
         first, second = {"I1": 0.5 * self.mu}, {("I1", "I1"): 0.0}
@@ -81,6 +83,7 @@ class GasserOgdenHolzapfel(InvariantLaw):
         return psi, first, second
 
     def parameter_derivatives(self, q, name):
+        """Derivatives of ``dPsi/dI1``, ``dC11``, ``dC22`` with respect to one parameter, (n,) or a number; absent is zero."""
         kappa, aligned = self.kappa, 1.0 - 3.0 * self.kappa
         if name == "mu":
             return {"I1": 0.5}

@@ -104,6 +104,7 @@ class InvariantLaw(Law):
         return q, curved
 
     def evaluate(self, C, order: int = 2):
+        """Energy (n,), stress (n, 3) and tangent (n, 3, 3) by the chain rule of the module; see :meth:`.Law.evaluate`."""
         q, curved, ok = self._prepare(C)
         psi, first, second = self.potential(q, order)
         n, good = len(ok), bool(ok.all())
@@ -142,6 +143,7 @@ class InvariantLaw(Law):
         return tangent
 
     def stress_sensitivity(self, C, names):
+        """``dS_I/dtheta`` from :meth:`parameter_derivatives`, (n, 3, len(names)); see :meth:`.Law.stress_sensitivity`."""
         q, curved, ok = self._prepare(C)
         out = np.empty((len(ok), 3, len(names)))
         for p, name in enumerate(names):

@@ -34,9 +34,11 @@ class NeoHookean(InvariantLaw):
     invariants = ("I1",)
 
     def potential(self, q, order):
+        """Energy ``mu/2 (I1 - 3)``, J/m^3, and its constant slope; see :meth:`.InvariantLaw.potential`."""
         return 0.5 * self.mu * (q["I1"] - 3.0), {"I1": 0.5 * self.mu}, {}
 
     def parameter_derivatives(self, q, name):
+        """``d(dPsi/dI1)/dmu`` = 1/2."""
         return {"I1": 0.5}
 
 
@@ -67,6 +69,7 @@ class CompressibleNeoHookean(CompressibleLaw):
     invariants = ("I1", "J2")
 
     def potential(self, q, order):
+        """Energy, J/m^3, and its derivatives in I1 and J2 = J^2; shapes as in :meth:`.InvariantLaw.potential`."""
         d, i1, mu, k = q["J2"], q["I1"], self.mu, self.kappa
         a = d ** (-1.0 / 3.0)
         psi = 0.5 * mu * (a * i1 - 3.0) + 0.25 * k * (d - 1.0 - np.log(d))
@@ -78,6 +81,7 @@ class CompressibleNeoHookean(CompressibleLaw):
         return psi, first, second
 
     def parameter_derivatives(self, q, name):
+        """Derivatives of ``dPsi/dI1`` and ``dPsi/dJ2`` with respect to mu or kappa, (n,) each; what is absent is zero."""
         d = q["J2"]
         if name == "kappa":
             return {"J2": 0.25 * (1.0 - 1.0 / d)}

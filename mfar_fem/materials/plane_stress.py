@@ -135,6 +135,13 @@ class CompressibleLaw(Law):
         return gradient, hessian
 
     def evaluate(self, C, order: int = 2):
+        """Energy (n,), stress (n, 3) and tangent (n, 3, 3) condensed at S33 = 0; see :meth:`.Law.evaluate`.
+
+        Raises
+        ------
+        NotConvergedError
+            Some point has no thickness stretch with S33 = 0 (:func:`solve_thickness`).
+        """
         c11, c22, c12, ok = columns(C)
         q = self._state(c11, c22, c12)
         energy = np.where(ok, self.potential(q, 0)[0], np.inf)
@@ -148,6 +155,7 @@ class CompressibleLaw(Law):
         return energy, stress, np.where(ok[:, None, None], condensed * (_D[:, None] * _D), 0.0)
 
     def stress_sensitivity(self, C, names):
+        """``dS_I/dtheta`` at fixed C and S33 = 0, (n, 3, len(names)); raises as :meth:`evaluate` does."""
         c11, c22, c12, ok = columns(C)
         q = self._state(c11, c22, c12)
         g, h = self._gradients(q), self._chain(q)[1]

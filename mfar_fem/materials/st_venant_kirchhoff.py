@@ -57,6 +57,7 @@ class StVenantKirchhoff(InvariantLaw):
         return self.Ew / d, self.Ef / d, self.nu * (self.Ew * self.Ef) ** 0.5 / d
 
     def potential(self, q, order):
+        """Energy, J/m^3, and its derivatives in C11, C22, C12; shapes as in :meth:`.InvariantLaw.potential`."""
         e1, e2, s = 0.5 * (q["C11"] - 1.0), 0.5 * (q["C22"] - 1.0), q["C12"]
         a, b, c = self._moduli()
         t1, t2, t3 = a * e1 + c * e2, b * e2 + c * e1, self.G * s
@@ -69,6 +70,7 @@ class StVenantKirchhoff(InvariantLaw):
         return psi, first, second
 
     def parameter_derivatives(self, q, name):
+        """Derivatives of ``dPsi/dC11``, ``dC22``, ``dC12`` with respect to one parameter, (n,) each; what is absent is zero."""
         e1, e2 = 0.5 * (q["C11"] - 1.0), 0.5 * (q["C22"] - 1.0)
         if name == "G":
             return {"C12": q["C12"]}

@@ -92,6 +92,7 @@ class YarnNetwork(InvariantLaw):
     invariants = ("C11", "C22", "C12")
 
     def validate(self):
+        """ParameterError unless delta < 2 Lw and delta < 2 Lf: otherwise the yarns are locked at rest."""
         for name in ("Lw", "Lf"):
             if self.delta >= 2.0 * self.values[name]:
                 raise ParameterError(
@@ -111,6 +112,7 @@ class YarnNetwork(InvariantLaw):
         return p, p / w, 0.5 * self.delta**2 / (w * w * w)
 
     def admissible(self, q):
+        """Where the energy is finite, (n,) bool: taut strains below Lw and Lf, shear below Ls."""
         w = self._taut(0.5 * (q["C11"] - 1.0))[0] < self.Lw
         f = self._taut(0.5 * (q["C22"] - 1.0))[0] < self.Lf
         return w & f & (np.abs(q["C12"]) < self.Ls)
@@ -129,6 +131,7 @@ class YarnNetwork(InvariantLaw):
         return energy, stress, K * (self.r + (p1 * lock) ** 2 + p2 * pull)
 
     def potential(self, q, order):
+        """Energy, J/m^2, 0 at rest, and its derivatives in C11, C22, C12; shapes as in :meth:`.InvariantLaw.potential`."""
         ew, ef, s = 0.5 * (q["C11"] - 1.0), 0.5 * (q["C22"] - 1.0), q["C12"]
         tw, tf = self._taut(ew), self._taut(ef)
         (pw, pw1, pw2), (pf, pf1, pf2) = tw, tf
@@ -158,6 +161,7 @@ class YarnNetwork(InvariantLaw):
         return psi, first, second
 
     def parameter_derivatives(self, q, name):
+        """Derivatives of ``dPsi/dC11``, ``dC22``, ``dC12`` with respect to one parameter, (n,) each; what is absent is zero."""
         ew, ef, s = 0.5 * (q["C11"] - 1.0), 0.5 * (q["C22"] - 1.0), q["C12"]
         if name in ("G", "Ls"):
             z = 1.0 / (1.0 - (s / self.Ls) ** 2)
