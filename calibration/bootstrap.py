@@ -50,6 +50,7 @@ class Bootstrap:
 
     @property
     def median(self) -> dict[str, float]:
+        """Median over the replicates by parameter, SI."""
         return dict(zip(self.names, np.median(self.values, axis=0).tolist(), strict=True))
 
 

@@ -42,6 +42,7 @@ class LawResult:
 
     @property
     def aicc(self) -> float:
+        """Akaike's criterion corrected for few readings; inf if the law could not be fitted."""
         return self.criteria.get("aicc", float("inf"))
 
     def to_dict(self) -> dict:

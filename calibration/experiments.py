@@ -106,6 +106,7 @@ class Experiment:
 
     @property
     def direction_name(self) -> str:
+        """Name of the direction, see :func:`direction_name`."""
         return direction_name(self.direction)
 
     @property

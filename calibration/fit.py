@@ -72,6 +72,7 @@ class Fit:
 
     @property
     def degrees_of_freedom(self) -> int:
+        """Number of readings less number of unknowns."""
         return self.problem.size - len(self.q)
 
     @property

@@ -56,7 +56,9 @@ class ForwardModel(Protocol):
     for a fabric that merely cannot be stretched so far: it returns ``reached`` False there.
     """
 
-    def predict(self, fabric, x: np.ndarray, names: Sequence[str] = ()) -> Prediction: ...
+    def predict(self, fabric, x: np.ndarray, names: Sequence[str] = ()) -> Prediction:
+        """The ordinates at `x`, shape (m,), and dy/dparameter by `names`, shape (m, p); what is not reached is marked."""
+        ...
 
 
 Factory = Callable[[Experiment], ForwardModel]

@@ -125,6 +125,7 @@ class Problem:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the unknowns, in the order of q."""
         return tuple(u.name for u in self.unknowns)
 
     @property
@@ -154,9 +155,11 @@ class Problem:
     # -- coordinates -----------------------------------------------------------------------------------------------
 
     def q0(self) -> np.ndarray:
+        """Initial values of the unknowns in the coordinate q, shape (p,)."""
         return np.array([float(u.to_q(u.initial)) for u in self.unknowns])
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds in the coordinate q, shape (p,) each."""
         with np.errstate(divide="ignore"):
             return tuple(np.array([float(u.to_q(getattr(u, k))) for u in self.unknowns]) for k in ("lower", "upper"))
 

@@ -58,6 +58,7 @@ class Profile:
 
     @property
     def interval(self) -> tuple[float | None, float | None]:
+        """``(low, high)``, SI; None where delta stays under the threshold up to the parameter's bound."""
         return self.low, self.high
 
 

@@ -66,6 +66,7 @@ class Workers:
 
     @property
     def serial(self) -> bool:
+        """Whether the runs stay in this process."""
         return self.workers == 1 and self.scheduler is None
 
 

@@ -36,6 +36,7 @@ class Stability:
 
     @property
     def text(self) -> str:
+        """The finding as one line of prose."""
         word = "positive definite" if self.least > 0.0 else "NOT positive definite"
         missed = f"; {self.missed} states within the measured range NOT reached" if self.missed else ""
         size = f"smallest eigenvalue {self.least:.2g} of the stiffness at rest ({self.where})"

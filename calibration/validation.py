@@ -29,6 +29,7 @@ class Check:
 
     @property
     def reached(self) -> float:
+        """Fraction of the readings the model reached, 0 to 1."""
         return float(self.prediction.reached.mean())
 
     @property
@@ -39,10 +40,12 @@ class Check:
 
     @property
     def rmse_percent_of_range(self) -> float:
+        """Root mean square error over the readings reached, % of `Experiment.scale`; NaN if none was."""
         error = self.error_percent[self.prediction.reached]
         return float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
 
     def to_dict(self) -> dict:
+        """Row of the validation table; `range` and `gauge_m` in SI, errors in % of the range."""
         e = self.experiment
         return {
             "experiment": e.name,
@@ -109,6 +112,7 @@ class CrossValidation:
     error: str = ""
 
     def to_dict(self) -> dict:
+        """Row of the cross-validation table, with the parameters of the fit (SI) if there is one."""
         out = {"label": self.label, "error": self.error, "predicted": [c.to_dict() for c in self.checks]}
         if self.fit is not None:
             out |= {

@@ -44,9 +44,11 @@ class Descriptor:
         return self.text.count("\n", 0, hit.start()) + 1 if hit else None
 
     def fail(self, message: str, key: str) -> DataFileError:
+        """The error to raise for a key: it names the file, the key's line and the key."""
         return DataFileError(message, self.path, self.line(key), key)
 
     def need(self, key: str, what: str):
+        """The value of a key as the file has it; DataFileError saying what to write (`what`) if the key is missing."""
         if key not in self.values:
             raise DataFileError(f"the key is missing; write {what}", self.path, column=key)
         return self.values[key]
@@ -56,6 +58,7 @@ class Descriptor:
         return parse(value, unit, key, self.path, self.line(key))
 
     def positive(self, key: str, unit: str, example: str) -> float:
+        """A quantity above zero in `unit` (SI); DataFileError showing `example` if it is missing or not positive."""
         value = self.quantity(self.need(key, f'{key} = "{example}"'), unit, key)
         if not value > 0:
             raise self.fail(f'{key} is {value:g} {unit}; it must be positive, for instance {key} = "{example}"', key)

@@ -71,6 +71,7 @@ class Settings:
 
     @property
     def level(self) -> str:
+        """Level of the forward model that fits (`calibration.forward`): 'fe', or 'fe-' and the fidelity."""
         return "fe" if self.fitted == "standard" else f"fe-{self.fitted}"
 
 

@@ -53,6 +53,7 @@ def nu_summary(s, rows: list[dict], bias: dict, profiles: dict) -> dict:
 
 
 def mu_words(s, out: dict) -> str:
+    """Coverage, error and mesh bias of mu, from the summary `out`, as prose."""
     scatter = "" if out["scatter_percent"] is None else f", scatter {out['scatter_percent']:.2f} %"
     moved = out["mesh_bias"]["law_percent"]["mu"]
     return (f"mu: the {100 * s.confidence:g} % interval covers the truth in {out['covered_linear']} (linearised) and "
@@ -61,6 +62,7 @@ def mu_words(s, out: dict) -> str:
 
 
 def bending_words(bias: dict) -> list[str]:
+    """Bias of the bending rigidities without noise, as prose: one item, or none where bending was not fitted."""
     b = bias["bending_percent"]
     if not b:
         return []
@@ -70,6 +72,7 @@ def bending_words(bias: dict) -> list[str]:
 
 
 def nu_words(s, nu: dict) -> str:
+    """What the data say about nu, from the dict of :func:`nu_summary`, as prose."""
     n_open = nu["without_upper_bound"]
     bound = ("no seed excludes" if n_open == nu["seeds"] else f"{n_open} of {nu['seeds']} seeds do not exclude") if n_open else \
         "every seed excludes"
