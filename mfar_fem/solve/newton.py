@@ -28,8 +28,8 @@ class NewtonOptions:
     rtol, atol : float
         Converged when the residual is below ``max(atol, rtol · reference)``; ``atol`` in N, the reference is the largest of the
         external forces, the smallest reactions met on the way, and a thousandth of the first residual. What rounding of the
-        unknowns can cause in a component, ``ε |K| |u|``, does not count: thin sheets under tiny loads end there. The
-        residual reached is always reported.
+        unknowns can cause in a component, ``ε |K| |u|``, does not count, and a full Newton step at the rounding of the unknowns
+        ends the iteration too: thin sheets under tiny loads get there. The residual reached is always reported.
     max_iterations : int
         Of the descent; ``plain_iterations`` those of the plain steps tried before it (0: none).
     plain_cuts : int
@@ -140,11 +140,11 @@ def _plain(problem, start, lam, energy, solver, options, out) -> None:
     state, best, step = start, np.inf, None
     for iteration in range(options.plain_iterations + 1):
         try:
-            g, data, _, done = _evaluate(problem, state, lam, True, options, out, step)
+            g, data, reference, done = _evaluate(problem, state, lam, True, options, out, step)
         except InadmissibleStateError:
             return
         out.iterations = iteration
-        if done:
+        if done or _no_further(problem, state, step, out.residual, reference):
             end = problem.energy(state, lam)
             if not problem.conservative or end <= energy + 1e-9 * abs(energy) or iteration == 0:
                 out.state, out.status = state, "converged"
@@ -262,6 +262,15 @@ def _beyond_rounding(problem: Problem, state: State, data: np.ndarray, r: np.nda
     """The residual less what rounding of the unknowns alone can cause in each component, ``ε |K| |u|``."""
     floor = np.finfo(float).eps * (problem.pattern.matrix(np.abs(data)) @ np.abs(state.u))
     return np.maximum(np.abs(r) - floor, 0.0)
+
+
+def _no_further(problem: Problem, state: State, step: np.ndarray | None, residual: float, reference: float) -> bool:
+    """Whether the last full Newton step was at the rounding of the unknowns: thin sheets leave a residual that no step removes."""
+    if step is None or residual > 0.1 * reference:
+        return False
+    k = problem.shell.alpha_offset
+    size = np.abs(state.u[:k]).max(initial=0.0)
+    return bool(np.abs(step[:k]).max(initial=0.0) <= 1e-13 * size and np.abs(step[k:]).max(initial=0.0) <= 1e-12)
 
 
 def _at_rounding(energy, g, step, residual, reference, options) -> bool:

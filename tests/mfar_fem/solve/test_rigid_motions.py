@@ -11,7 +11,9 @@ from mfar_fem.supports import Clamp, Hinge
 from mfar_fem.surface import Surface, patterns
 
 
-@pytest.mark.parametrize(("supports", "free"), [([], 6), ([Hinge([0], by_node=True)], 3), ([Hinge("left")], 1), ([Clamp("left")], 0)])
+@pytest.mark.parametrize(
+    ("supports", "free"), [([], 6), ([Hinge([0], by_node=True)], 3), ([Hinge("left")], 1), ([Clamp("left")], 0)]
+)
 def test_free_rigid_motions_are_counted(supports, free):
     surface = Surface.from_pattern(patterns.strip(0.2, 0.05, 4, 2), 2)
     assert free_rigid_motions(Problem(surface, Fabric.load("faille"), supports)) == free
