@@ -51,11 +51,21 @@ def list_benchmarks(as_json: _JSON = False) -> None:
 
 def _command(name: str):
     def command(order: _ORDER = 2, mesh: _MESH = None, jitter: Annotated[float, typer.Option(help="Random move of the "
-                "mesh points, fraction of a cell, below 0.5.")] = 0.0, as_json: _JSON = False) -> None:
+                "mesh points, fraction of a cell, below 0.5.")] = 0.0, slenderness: Annotated[float, typer.Option(
+                help="Thickness over length, cantilever-shear only: the thin limit at the same P L²/EI.")] = 0.01,
+                as_json: _JSON = False) -> None:
         from mfar_fem.benchmarks import run
+        from mfar_fem.errors import InputError
+
+        if slenderness != 0.01 and name != "cantilever-shear":
+            raise InputError(f"--slenderness belongs to cantilever-shear, not to {name}")
+        if not slenderness > 0:
+            raise InputError(f"--slenderness must be positive, got {slenderness}")
 
         cells = mesh_cells(mesh)
         options = {"jitter": jitter} if jitter else {}
+        if slenderness != 0.01:
+            options["slenderness"] = slenderness
         with progress(name, 1.0) as advance:
             payload = run(name, order, cells, lambda lam: advance(0, completed=lam), **options)
         emit(payload, as_json, _render)
