@@ -33,8 +33,8 @@ $(BIN)/python:
 # Stamps: installed again only when pyproject.toml changes. The second holds everything of the first.
 $(VENV)/installed: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster]'
-	touch $@
+	@touch $@
 
 $(VENV)/installed-dev: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	touch $(VENV)/installed $@
+	@touch $(VENV)/installed $@

@@ -203,7 +203,7 @@ def _client(where: Workers):
             n_workers=min(where.workers, max(1, 2 * (os.cpu_count() or 1))),
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address=":0",
             worker_dashboard_address=None,
             silence_logs=logging.CRITICAL,
         )

@@ -92,6 +92,10 @@ def template_fabric(dataset: Dataset, law, fabric=None):
     measured = {k: dataset.bending[k] for k in ("warp", "weft", "twist", "coupling") if k in dataset.bending}
     if "warp" in measured and "weft" in measured:
         bending = Bending.from_rigidities(**measured)
+        if "twist" not in measured:
+            sources["bending.twist"] = "ASSUMED: Huber's estimate from warp and weft, sqrt(warp * weft)/2 - coupling/2; not measured"
+        if "coupling" not in measured:
+            sources["bending.coupling"] = "ASSUMED: 0, not measured"
     else:
         bending = Bending.derived(law, dataset.thickness)
         sources["bending"] = "not measured: derived from the membrane law at its initial values, as for a solid sheet"

@@ -43,7 +43,7 @@ class NeoHookean(InvariantLaw):
 
 
 class CompressibleNeoHookean(CompressibleLaw):
-    r"""Neo-Hookean solid of finite bulk modulus; the thickness stretch follows from :math:`S_{33} = 0`.
+    r"""Neo-Hookean solid of finite bulk modulus; the thickness stretch follows from zero normal stress.
 
     .. math:: \Psi = \tfrac12\mu (J^{-2/3} I_1 - 3) + \tfrac14\kappa (J^2 - 1 - 2\ln J)
 
