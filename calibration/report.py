@@ -106,7 +106,8 @@ def figures(study: Study) -> dict:
     profile = plots.profile_plots(study.profiles, units, scales) if study.profiles else None
     if profile is not None:
         out["profiles"] = profile
-    checked = [c for c in study.checks if c.experiment not in fitted]
+    seen = {e.name for e in fitted}
+    checked = [c for c in study.checks if c.experiment.name not in seen]
     if checked:
         label = f"{study.best.law}, fitted to the others"
         arrays = [np.where(c.prediction.reached, c.prediction.y, np.nan) for c in checked]
@@ -114,6 +115,8 @@ def figures(study: Study) -> dict:
     if study.intervals:
         out["intervals"] = plots.interval_bars(study.intervals)
     if study.level != "homogeneous" and len(study.levels["homogeneous"]) > 1:
+        if len(study.levels[study.level]) == 1:
+            del out["laws"]
         out["laws_homogeneous"] = plots.law_bars([r.to_dict() for r in study.levels["homogeneous"]])
     return out
 

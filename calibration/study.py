@@ -93,7 +93,7 @@ def template_fabric(dataset: Dataset, law, fabric=None):
     if "warp" in measured and "weft" in measured:
         bending = Bending.from_rigidities(**measured)
         if "twist" not in measured:
-            sources["bending.twist"] = "ASSUMED: Huber's estimate from warp and weft, sqrt(warp * weft)/2 - coupling/2; not measured"
+            sources["bending.twist"] = "ASSUMED: Huber's estimate, sqrt(warp * weft)/2 - coupling/2; not measured"
         if "coupling" not in measured:
             sources["bending.coupling"] = "ASSUMED: 0, not measured"
     else:
