@@ -115,9 +115,8 @@ def figures(study: Study) -> dict:
     if study.intervals:
         out["intervals"] = plots.interval_bars(study.intervals)
     if study.level != "homogeneous" and len(study.levels["homogeneous"]) > 1:
-        if len(study.levels[study.level]) == 1:
-            del out["laws"]
-        out["laws_homogeneous"] = plots.law_bars([r.to_dict() for r in study.levels["homogeneous"]])
+        alone = len(study.levels[study.level]) == 1  # then the only comparison is the homogeneous one
+        out["laws" if alone else "laws_homogeneous"] = plots.law_bars([r.to_dict() for r in study.levels["homogeneous"]])
     return out
 
 
