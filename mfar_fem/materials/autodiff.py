@@ -13,6 +13,7 @@ array([[0., 0., 0.]])
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import inspect
 import sys
@@ -62,7 +63,7 @@ class EnergyLaw(Law):
 
     def __reduce__(self):
         if self._spec is not None:
-            return _reload, (self._spec, dict(self._values))
+            return reload, (self._spec, dict(self._values))
         return EnergyLaw, (self.func, self.parameters, self.basis, self.name, dict(self._values))
 
     # -- response --------------------------------------------------------------------------------------------------
@@ -178,6 +179,25 @@ def law_from_energy(
     return _build(func, parameters, basis, name, values)
 
 
+def _user_module(file: Path):
+    """The user's file as a module, run once for each content; its name is the same in every process."""
+    key = hashlib.sha256(str(file.resolve()).encode() + b"\0" + file.read_bytes()).hexdigest()[:16]
+    module_name = f"_mfar_user_{file.stem}_{key}"
+    if module_name in sys.modules:
+        return sys.modules[module_name]
+    module_spec = importlib.util.spec_from_file_location(module_name, file)
+    if module_spec is None or module_spec.loader is None:
+        raise InputError(f"'{file}' is not a Python file")
+    module = importlib.util.module_from_spec(module_spec)
+    sys.modules[module_name] = module
+    try:
+        module_spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[module_name]
+        raise InputError(f"'{file}' cannot be run: {type(error).__name__}: {error}") from error
+    return module
+
+
 def law_from_file(spec: str, **values: float) -> Law:
     """Load a law from ``path.py:name``.
 
@@ -195,27 +215,23 @@ def law_from_file(spec: str, **values: float) -> Law:
     file = Path(path)
     if not file.is_file():
         raise InputError(f"'{path}' does not exist; give path.py:name (a Law class, a law or an energy function)")
-    module_name = f"_mfar_user_{file.stem}_{abs(hash(str(file.resolve()))):x}"
-    module_spec = importlib.util.spec_from_file_location(module_name, file)
-    if module_spec is None or module_spec.loader is None:
-        raise InputError(f"'{path}' is not a Python file")
-    module = importlib.util.module_from_spec(module_spec)
-    sys.modules[module_name] = module
-    try:
-        module_spec.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"'{path}' cannot be run: {type(error).__name__}: {error}") from error
+    module = _user_module(file)
     if not hasattr(module, name):
         public = sorted(n for n, v in vars(module).items() if callable(v) and not n.startswith("_"))
         raise InputError(f"'{path}' defines no '{name}'; it defines: {', '.join(public) or 'nothing callable'}")
-    found = getattr(module, name)
+    found, where = getattr(module, name), f"{file.resolve()}:{name}"
+    if isinstance(found, EnergyLaw):
+        spec_of = found._spec or where
+        return EnergyLaw(found.func, found.parameters, found.basis, found.name, {**found.values, **values}, spec_of)
     if isinstance(found, Law):
+        type(found)._file_spec = where
         return found.replace(**values) if values else found
     if inspect.isclass(found) and issubclass(found, Law):
+        found._file_spec = where
         return found(**values)
     if callable(found) and not inspect.isclass(found):
         table, basis = getattr(found, "parameters", None), getattr(found, "basis", "volume")
-        return _build(found, table, basis, getattr(found, "law_name", name), values, f"{file.resolve()}:{name}")
+        return _build(found, table, basis, getattr(found, "law_name", name), values, where)
     raise InputError(f"'{spec}' is a {type(found).__name__}; expected a Law class, a law or an energy function")
 
 
@@ -253,5 +269,5 @@ def _plain(name, default, unit):
     return Parameter(name, name, "dimensionless", default, -1e30, 1e30, "linear", text)
 
 
-def _reload(spec, values):
+def reload(spec, values):
     return law_from_file(spec, **values)

@@ -198,7 +198,13 @@ class Law(ABC):
     def __repr__(self):
         return f"{type(self).__name__}({', '.join(f'{n}={v:.6g}' for n, v in self._values.items())})"
 
+    _file_spec: ClassVar[str | None] = None  # of a user's class: where other processes find it again
+
     def __reduce__(self):
+        if self._file_spec is not None:
+            from .autodiff import reload
+
+            return reload, (self._file_spec, dict(self._values))
         return _rebuild, (type(self), dict(self._values))
 
 
