@@ -33,6 +33,7 @@ class Pattern:
             keys.append((dofs[:, :, None] * n + dofs[:, None, :]).reshape(-1))
         sizes = [len(k) for k in keys]
         unique, inverse = np.unique(np.concatenate(keys), return_inverse=True)
+        self._keys = unique
         inverse = inverse.reshape(-1).astype(np.int32)
         self.n, self.nnz = n, len(unique)
         self.indices = (unique % n).astype(np.int32)
@@ -45,6 +46,17 @@ class Pattern:
     def matrix(self, data: np.ndarray) -> csr_matrix:
         """CSR matrix (n, n) that shares the pattern's index arrays."""
         return csr_matrix((data, self.indices, self.indptr), shape=(self.n, self.n), copy=False)
+
+    def scatter(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray, data: np.ndarray) -> list[tuple]:
+        """Add matrix entries to ``data`` where the pattern has them; the others come back as ``[(rows, columns, values)]``."""
+        if len(values) == 0:
+            return []
+        keys = np.asarray(rows, dtype=np.int64) * self.n + columns
+        at = np.minimum(np.searchsorted(self._keys, keys), self.nnz - 1)
+        inside = self._keys[at] == keys
+        np.add.at(data, at[inside], values[inside])
+        outside = ~inside
+        return [(rows[outside], columns[outside], values[outside])] if outside.any() else []
 
     def sub(self, rows: np.ndarray, columns: np.ndarray) -> SubPattern:
         """Pattern of the block ``rows × columns`` (arrays of unknowns)."""

@@ -211,6 +211,24 @@ def bending_samples(shape, el, X, directors, edge_director, dN, second, edge_dN,
 
 
 @jit
+def curvature(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, second, edge_dN, edge_ds, c0i, c0e, interior, edge):
+    """Curvature samples of every element at its interior points (nt, nq, 3) and edge points (nt, nk, α included)."""
+    nn, nq, nk = len(shape[0]), len(shape[1]), len(shape[2])
+    X = np.empty((nn, 3))
+    zi, ni, gi = np.empty((nq, 3, nn)), np.empty((nq, 3)), np.empty((nq, 2, 3))
+    ne, ee, ve, me = np.empty((nk, 3, 3)), np.empty((nk, 2)), np.empty((nk, nn)), np.empty((nk, 3))
+    de, te, le, tau = np.empty((nk, 3)), np.empty((nk, 3)), np.empty(nk), np.empty(nk)
+    for el in range(conn.shape[0]):
+        for i in range(nn):
+            for c in range(3):
+                X[i, c] = x[conn[el, i], c] - x[conn[el, 0], c]
+        bending_samples(shape, el, X, directors, edge_director, dN, second, edge_dN, edge_ds, c0i, c0e, False,
+                        interior[el], edge[el], zi, ni, gi, ne, ee, ve, me, de, te, le, tau)
+        for k in range(nk):
+            edge[el, k] += edge_sign[el, k] * alpha[edge_director[el, k]]
+
+
+@jit
 def bending_energy(shape, x, alpha, directors, conn, edge_director, edge_sign, dN, second, edge_dN, edge_ds,
                    Ri, Re, c0i, c0e, out):
     """Bending energy (nt,) of every element, +inf where an element has no normal."""

@@ -47,6 +47,28 @@ class State:
         return replace(self, u=u)
 
 
+@dataclass(frozen=True)
+class Viscosity:
+    r"""Stiffness-proportional (Kelvin–Voigt) damping of one time step, as an energy: :math:`\tfrac12 k\,(e - e^*) D (e - e^*)`.
+
+    ``e`` are strains and curvatures, ``D`` their stiffness at rest, so no rigid motion is damped.
+
+    Attributes
+    ----------
+    factor : float
+        k = β c_v: damping time (s) times the factor of the integrator (1/s).
+    strain : (nt, nq, 3) array
+        e* of the Green strain [E11, E22, 2 E12].
+    interior, edge : (nt, nq, 3), (nt, nk) arrays
+        e* of the curvature samples, as :meth:`Shell.curvature_samples` gives them.
+    """
+
+    factor: float
+    strain: np.ndarray
+    interior: np.ndarray
+    edge: np.ndarray
+
+
 class Shell:
     """Membrane and bending energy of a surface made of a fabric.
 
@@ -75,6 +97,7 @@ class Shell:
         t = self.geometry.tables
         self._shape_tables = (t.dN, t.second, t.edge_dN, t.edge_ds)
         self._no_alpha = np.zeros(max(self.n_alpha, 1))
+        self.viscosity: Viscosity | None = None
 
     # -- states ---------------------------------------------------------------------------------------------------------
     def reference_state(self) -> State:
@@ -136,6 +159,42 @@ class Shell:
         return (scale * W.reshape(shape), None if S is None else scale * S.reshape(*shape, 3),
                 None if D is None else scale * D.reshape(*shape, 3, 3))
 
+    def green_strain(self, state: State) -> np.ndarray:
+        """Green strain [E11, E22, 2 E12] in the warp/weft frame at the interior points, shape (nt, nq, 3)."""
+        return (self.right_cauchy_green(state) - np.array([1.0, 1.0, 0.0])) * np.array([0.5, 0.5, 1.0])
+
+    def _response(self, state: State, order: int):
+        """:meth:`law_response` with the viscous part of a time step, where there is one."""
+        W, S, D = self.law_response(state, order)
+        if self.viscosity is not None:
+            stiffness = self.viscosity.factor * self.fabric.membrane_scale * self.fabric.law.tangent_at_rest()
+            e = self.green_strain(state) - self.viscosity.strain
+            s = e @ stiffness
+            W = W + 0.5 * np.sum(s * e, axis=-1)
+            S = None if S is None else S + s
+            D = None if D is None else D + stiffness
+        return W, S, D
+
+    def _bending_tables(self):
+        """Factors and reference samples of the bending energy; viscosity is a stiffer sheet with another reference."""
+        g, v = self.geometry, self.viscosity
+        if v is None:
+            return g.R_interior, g.R_edge, g.c0_interior, g.c0_edge
+        root, share = np.sqrt(1.0 + v.factor), v.factor / (1.0 + v.factor)
+        return root * g.R_interior, root * g.R_edge, g.c0_interior + share * v.interior, g.c0_edge + share * v.edge
+
+    def curvature_samples(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Curvature change at the interior points (nt, nq, 3; zero at order 1) and rotation at the edge points (nt, nk)."""
+        from mfar_fem.shell import kernels
+
+        g = self.geometry
+        shape = kernels.SHAPES[g.tables.order]
+        interior, edge = np.zeros((len(g.area_weights), g.tables.nq, 3)), np.zeros(g.edge_sign.shape)
+        if self.with_bending:
+            kernels.curvature(shape, self.positions(state), self.alpha(state), state.directors, self.surface.elements,
+                              g.edge_director, g.edge_sign, *self._shape_tables, g.c0_interior, g.c0_edge, interior, edge)
+        return interior, edge
+
     # -- energy, gradient, tangent ------------------------------------------------------------------------------------------
     def energies(self, state: State) -> tuple[float, float]:
         """Membrane and bending energy, J; +inf where the state is inadmissible (locking, collapsed element)."""
@@ -158,8 +217,22 @@ class Shell:
         return out
 
     def energy(self, state: State) -> float:
-        """Total energy, J."""
-        return sum(self.energies(state))
+        """Total energy, J; in a time step with its viscous part."""
+        total = sum(self.energies(state))
+        if self.viscosity is not None and np.isfinite(total):
+            v = self.viscosity
+            stiffness = v.factor * self.fabric.membrane_scale * self.fabric.law.tangent_at_rest()
+            if self.with_membrane:
+                e = self.green_strain(state) - v.strain
+                total += 0.5 * float(np.sum(self.geometry.area_weights * np.sum((e @ stiffness) * e, axis=-1)))
+            if self.with_bending:
+                g = self.geometry
+                ci, ce = self.curvature_samples(state)
+                b = np.einsum("ek,eqrk->eqr", ce - v.edge, g.R_edge, optimize=True)
+                if g.tables.order == 2:
+                    b += np.einsum("eqa,eqra->eqr", ci - v.interior, g.R_interior, optimize=True)
+                total += 0.5 * v.factor * float(np.sum(b * b))
+        return total
 
     def gradient(self, state: State, out: np.ndarray) -> bool:
         """Add dW/du to ``out`` (n,): N for positions, N·m for rotations; False if the state is inadmissible."""
@@ -208,14 +281,19 @@ class Shell:
         if not np.all(np.isfinite(W)):
             return None
         shape, scale = g.area_weights.shape, self.fabric.membrane_scale
-        return scale * S.reshape(*shape, 3), scale * D.reshape(*shape, 3, 3)
+        S, D = scale * S.reshape(*shape, 3), scale * D.reshape(*shape, 3, 3)
+        if self.viscosity is not None:
+            stiffness = self.viscosity.factor * scale * self.fabric.law.tangent_at_rest()
+            e = (C.reshape(*shape, 3) - np.array([1.0, 1.0, 0.0])) * np.array([0.5, 0.5, 1.0])
+            S, D = S + (e - self.viscosity.strain) @ stiffness, D + stiffness
+        return S, D
 
     def _assemble(self, state, gradient, data, positions, exact, tangent, step=None):
         from mfar_fem.shell import kernels
 
         g, t = self.geometry, self.geometry.tables
         if self.with_membrane:
-            W, S, D = self.law_response(state, 2 if tangent else 1)
+            W, S, D = self._response(state, 2 if tangent else 1)
             admissible = bool(np.all(np.isfinite(W)))
         else:
             S, D, admissible = np.zeros((*g.area_weights.shape, 3)), None, True
@@ -233,8 +311,8 @@ class Shell:
         without_normal = kernels.assemble(
             kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements, g.edge_director, g.edge_sign,
             *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights, np.ascontiguousarray(S),
-            np.ascontiguousarray(S_geometric), np.ascontiguousarray(D), self.with_membrane, self.with_bending, g.R_interior,
-            g.R_edge, g.c0_interior, g.c0_edge, exact, tangent, self.alpha_offset, positions, gradient, data)
+            np.ascontiguousarray(S_geometric), np.ascontiguousarray(D), self.with_membrane, self.with_bending,
+            *self._bending_tables(), exact, tangent, self.alpha_offset, positions, gradient, data)
         return admissible and not without_normal
 
     # -- parameters -----------------------------------------------------------------------------------------------------------

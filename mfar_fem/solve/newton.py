@@ -124,7 +124,7 @@ def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: 
     residual = problem.norm(r)
     out.reaction = min(out.reaction, problem.norm(g - r))
     out.first_residual = residual if out.assemblies == 0 else out.first_residual
-    reference = max(problem.norm(problem.external_force(state, lam)), out.reaction, 1e-3 * out.first_residual)
+    reference = max(problem.norm(problem.external_force(state, lam)), out.reaction, 1e-3 * out.first_residual, problem.force_scale)
     out.assemblies += 1
     out.residual = residual
     out.residual_relative = residual / reference if reference > 0 else (0.0 if residual == 0 else np.inf)
@@ -157,13 +157,14 @@ def _plain(problem, start, lam, energy, solver, options, out) -> None:
         clock = time.perf_counter()
         step = np.zeros(problem.n)
         try:
-            step[problem.free] = solver.factor(problem.free_block.matrix(data))(-g[problem.free])
+            step[problem.free] = solver.factor(problem.system(data))(-g[problem.free])
         except SingularMatrixError:
             return
         out.solve_s += time.perf_counter() - clock
         rotation = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
         if not np.all(np.isfinite(step)) or rotation > 3.0:
             return
+        step *= problem.max_step(state, step)
         state = state.with_u(state.u + step)
 
 
@@ -220,7 +221,7 @@ def _direction(problem, state, lam, g, data, exact, solver, options):
             _, data = problem.tangent(state, lam, False)
         step = np.zeros(problem.n)
         try:
-            step[problem.free] = solver.factor(problem.free_block.matrix(data))(-g[problem.free])
+            step[problem.free] = solver.factor(problem.system(data))(-g[problem.free])
         except SingularMatrixError:
             if attempt:
                 continue
@@ -229,7 +230,7 @@ def _direction(problem, state, lam, g, data, exact, solver, options):
             shift[diagonal] += 1e-8 * np.abs(data[diagonal]).max()
             solver.notes.append("safe tangent singular: shifted by 1e-8 of its largest diagonal entry")
             try:
-                step[problem.free] = solver.factor(problem.free_block.matrix(shift))(-g[problem.free])
+                step[problem.free] = solver.factor(problem.system(shift))(-g[problem.free])
             except SingularMatrixError:
                 return None, False
         slope = float(g @ step)
@@ -244,6 +245,7 @@ def _line_search(problem, state, lam, energy, g, step, options):
     """Largest of 1, ½, ¼ … that lowers the energy (or, within rounding, the slope): ``(t, state, energy)``, t = 0 if none."""
     rotation = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
     t = min(1.0, options.max_rotation / rotation) if rotation > 0 else 1.0
+    t *= problem.max_step(state, t * step)
     slope = float(g @ step)
     rounding = 1e-11 * max(abs(energy), abs(slope))
     for _ in range(options.max_backtracks):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
 
 from mfar_fem.assembly import Pattern
 from mfar_fem.errors import InputError
@@ -52,6 +53,9 @@ class Problem:
         self._positions = dict(zip([id(b) for b in blocks], self.pattern.positions[1:], strict=True))
         self.linear_cache: dict = {}
         self.conservative = all(load.conservative for load in self.loads)
+        self.force_scale = 0.0
+        """A force, N, that a residual may be compared with where there is no external one (set by the dynamics: inertia)."""
+        self._extra: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def _collect_supports(self) -> None:
         n = self.shell.n
@@ -130,17 +134,35 @@ class Problem:
         g, data = np.zeros(self.n), np.zeros(self.pattern.nnz)
         if not self.shell.hessian(state, g, data, self.pattern.positions[0], exact, step):
             raise InadmissibleStateError("the state is past locking, or an element has collapsed")
+        self._extra = []
         for load in self.loads:
             load.gradient(self.shell, state, lam, g)
             if id(load) in self._positions:
                 load.hessian(self.shell, state, lam, data, self._positions[id(load)], exact)
+            elif hasattr(load, "sparse_hessian"):
+                self._extra += self.pattern.scatter(*load.sparse_hessian(self.shell, state, lam), data)
         return g, data
 
+    def system(self, data: np.ndarray) -> csr_matrix:
+        """Matrix of the free unknowns from the data of the last :meth:`tangent`, couplings outside the pattern included."""
+        matrix = self.free_block.matrix(data)
+        if self._extra:
+            rows, columns, values = (np.concatenate(part) for part in zip(*self._extra, strict=True))
+            extra = coo_matrix((values, (rows, columns)), shape=(self.n, self.n)).tocsr()
+            matrix = (matrix + extra[self.free][:, self.free]).tocsr()
+            matrix.sort_indices()
+        return matrix
+
+    def max_step(self, state: State, step: np.ndarray) -> float:
+        """Largest fraction of ``step`` that no load forbids (collision-free with contact), in (0, 1]."""
+        return min((load.max_step(self.shell, state, step) for load in self.loads if hasattr(load, "max_step")), default=1.0)
+
     def external_force(self, state: State, lam: float) -> np.ndarray:
-        """Minus the gradient of the loads alone (n,)."""
+        """Minus the gradient of the loads alone (n,); inertia, damping and contact are no external forces."""
         g = np.zeros(self.n)
         for load in self.loads:
-            load.gradient(self.shell, state, lam, g)
+            if not getattr(load, "internal", False):
+                load.gradient(self.shell, state, lam, g)
         return -g
 
     def norm(self, g: np.ndarray) -> float:

@@ -89,7 +89,7 @@ def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: N
             cuts += 1
             step = 0.5 * abs(target - lam)
             if step < min_step * max(1.0, abs(level)):
-                status = _failure(result)
+                status = failure_name(result)
         if status != "converged":
             break
     timings["total"] = time.perf_counter() - clock
@@ -112,7 +112,8 @@ def free_rigid_motions(problem: Problem) -> int:
     return 6 - int(np.linalg.matrix_rank(modes, tol=1e-9))
 
 
-def _failure(result: NewtonResult | None) -> str:
+def failure_name(result: NewtonResult | None) -> str:
+    """Name of the failure that a step which did not converge is reported under."""
     if result is None or result.status == "inadmissible start":
         return "LockingReached"
     return {"singular tangent": "SingularTangent", "iteration limit": "Diverged"}.get(result.status, "StepTooSmall")

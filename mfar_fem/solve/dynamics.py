@@ -1,0 +1,469 @@
+r"""Implicit dynamics: every time step is the minimum of an incremental potential, found by the Newton method of the statics.
+
+Formula (14) of the silk paper with the internal force as the derivative of the energy: implicit Euler, Δt = 2 ms and a relative
+residual of 1e-6 are the defaults; BDF2 and generalised-α are of second order (:mod:`mfar_fem.solve.integrators`). Steps that do not
+converge are halved; with ``tolerance`` the step adapts to the local error and to Newton's effort too.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mfar_fem.errors import InputError
+from mfar_fem.shell import State
+from mfar_fem.shell.shell import Viscosity
+from mfar_fem.solve.inertia import Inertia
+from mfar_fem.solve.integrators import METHODS, Kinematics, StepRule, step_rule
+from mfar_fem.solve.newton import NewtonOptions, newton
+from mfar_fem.solve.problem import Problem
+from mfar_fem.solve.statics import failure_name
+
+
+@dataclass(frozen=True)
+class DynamicsOptions:
+    """Settings of the time integration.
+
+    Attributes
+    ----------
+    method : {'implicit-euler', 'bdf2', 'generalized-alpha'}
+    dt : float
+        Time step, s (the largest one where it adapts).
+    rho : float
+        Spectral radius of generalised-α at infinite frequency.
+    rtol, atol : float
+        Residual of a step: below ``max(atol, rtol · reference)``, N; the reference is the largest of weight and loads, reactions and
+        inertial forces.
+    mass : {'consistent', 'lumped'}
+    mass_damping : float
+        1/s: force ``-c M v``.
+    stiffness_damping : float
+        s: viscous stress ``c D dE/dt`` with the stiffness at rest (Kelvin–Voigt), in membrane and bending; a vibration of angular frequency
+        ω has the damping ratio c ω / 2. A backward difference, of first order within generalised-α.
+    tolerance : float or None
+        Largest local error of a step, m (root mean square over the nodes): the step adapts to it. None: fixed steps.
+    min_dt : float
+        Below this the run ends with the named failure, s.
+    max_iterations : int
+        Newton iterations of a step before it is halved.
+    linear_solver : str
+        See :class:`mfar_fem.solve.linear.LinearSolver`.
+    """
+
+    method: str = "implicit-euler"
+    dt: float = 2e-3
+    rho: float = 0.8
+    rtol: float = 1e-6
+    atol: float = 1e-12
+    mass: str = "consistent"
+    mass_damping: float = 0.0
+    stiffness_damping: float = 0.0
+    tolerance: float | None = None
+    min_dt: float = 1e-7
+    max_iterations: int = 60
+    linear_solver: str = "direct"
+
+    def __post_init__(self):
+        if self.method not in METHODS:
+            raise InputError(f"unknown time integrator '{self.method}'; choose one of {', '.join(METHODS)}")
+        for name in ("dt", "min_dt", "rtol"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name} must be positive and finite, got {getattr(self, name)}")
+        for name in ("mass_damping", "stiffness_damping", "atol"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise InputError(f"{name} must be >= 0 and finite, got {getattr(self, name)}")
+        if self.tolerance is not None and not self.tolerance > 0:
+            raise InputError(f"the tolerance of the local error must be positive, got {self.tolerance} m")
+
+    @property
+    def newton(self) -> NewtonOptions:
+        """Options of Newton's method within a step."""
+        return NewtonOptions(rtol=self.rtol, atol=self.atol, max_iterations=self.max_iterations, linear_solver=self.linear_solver)
+
+
+@dataclass(frozen=True)
+class StepRecord:
+    """One accepted time step: times in s, energies and works in J, speeds in m/s, residual in N.
+
+    ``dissipated`` is the work that drag and damping have taken since the start, ``defect`` what the total energy has lost beyond it and
+    beyond the work of moved supports: the integrator's own dissipation.
+    """
+
+    time: float
+    dt: float
+    iterations: int
+    residual: float
+    residual_relative: float
+    kinetic: float
+    membrane: float
+    bending: float
+    potential: float
+    contact: float
+    dissipated: float
+    defect: float
+    speed: float
+    error: float
+    contacts: int = 0
+    distance: float | None = None
+
+    @property
+    def total(self) -> float:
+        """Kinetic, elastic, potential and contact energy together, J."""
+        return self.kinetic + self.membrane + self.bending + self.potential + self.contact
+
+
+@dataclass(frozen=True)
+class Motion:
+    """All that the next step needs: a run continued from it is the run itself.
+
+    Attributes
+    ----------
+    time : float
+        s.
+    state : State
+    kinematics : Kinematics
+    dt : float
+        Step to try next, s.
+    step : int
+        Steps taken.
+    strain : tuple of arrays
+        Strain and curvature samples (Green strain, interior, edge) of this step and, for BDF2, of the one before; empty without viscosity.
+    dissipated, work, first_energy : float
+        Bookkeeping of :class:`StepRecord`, J.
+    """
+
+    time: float
+    state: State
+    kinematics: Kinematics
+    dt: float
+    step: int = 0
+    strain: tuple[np.ndarray, ...] = ()
+    dissipated: float = 0.0
+    work: float = 0.0
+    first_energy: float = 0.0
+
+
+@dataclass(frozen=True)
+class DynamicResult:
+    """Result of :meth:`Dynamics.run`; never raises for a failure to converge: see ``status``.
+
+    Attributes
+    ----------
+    converged : bool
+    status : str
+        ``converged`` or the named failure (``LockingReached``, ``Diverged``, ``StepTooSmall``, ``SingularTangent``).
+    message : str
+    motion : Motion
+        The last accepted one.
+    records : tuple of StepRecord
+    newton_iterations, wasted_iterations, halvings : int
+    timings : dict
+        Seconds: ``assembly``, ``solve``, ``total``.
+    notes : tuple of str
+    """
+
+    converged: bool
+    status: str
+    message: str
+    motion: Motion
+    records: tuple[StepRecord, ...]
+    newton_iterations: int
+    wasted_iterations: int
+    halvings: int
+    timings: dict[str, float]
+    notes: tuple[str, ...]
+
+    @property
+    def state(self) -> State:
+        """Last accepted state."""
+        return self.motion.state
+
+
+@dataclass
+class _Tally:
+    iterations: int = 0
+    wasted: int = 0
+    halvings: int = 0
+    assembly: float = 0.0
+    solve: float = 0.0
+    notes: list[str] = field(default_factory=list)
+
+
+class Dynamics:
+    """A sheet in motion.
+
+    Parameters
+    ----------
+    surface : Surface
+    fabric : Fabric
+        Its areal density gives the mass.
+    supports, loads : sequences
+        As for :class:`mfar_fem.solve.Problem`.
+    drag : sequence
+        Of :class:`mfar_fem.drag.AirDrag` or :class:`mfar_fem.drag.VertexDrag`.
+    contact : mfar_fem.contact.barrier.Barrier, optional
+        Bodies and self-contact; without it nothing is searched.
+    options : DynamicsOptions
+    bending : bool
+    schedule : callable, optional
+        Load factor of loads and support displacements over time, ``schedule(t) -> lam``; default 1 throughout.
+    start : State, optional
+        Default: the reference with the displacement of the supports at ``schedule(0)``.
+    velocity : (nn, 3) array, optional
+        Initial velocity of the nodes, m/s (held ones are set by their supports).
+    """
+
+    def __init__(self, surface, fabric, supports: Sequence = (), loads: Sequence = (), drag: Sequence = (), contact=None,
+                 options: DynamicsOptions | None = None, bending: bool = True, schedule: Callable[[float], float] | None = None,
+                 start: State | None = None, velocity: np.ndarray | None = None):
+        self.options = options or DynamicsOptions()
+        self.inertia = Inertia(fabric.areal_density, self.options.mass, self.options.mass_damping)
+        self.drag, self.contact = tuple(drag), contact
+        extra = [self.inertia, *self.drag] + ([contact] if contact is not None else [])
+        self.problem = Problem(surface, fabric, supports, [*loads, *extra], bending=bending)
+        self.schedule = schedule or (lambda t: 1.0)
+        self.external = [load for load in self.problem.loads if not getattr(load, "internal", False)]
+        self._dissipative = self.options.stiffness_damping > 0
+        self.motion = self._start(start, velocity)
+        if contact is not None:
+            contact.check_start(self.problem.shell, self.motion.state)
+
+    # -- start -----------------------------------------------------------------------------------------------------------
+    def _start(self, start: State | None, velocity) -> Motion:
+        problem, k = self.problem, self.problem.shell.alpha_offset
+        state = start or problem.start()
+        lam = self.schedule(0.0)
+        u = state.u.copy()
+        u[problem.fixed] = problem.prescribed(lam)
+        state = state.with_u(u)
+        v = np.zeros(k) if velocity is None else np.ascontiguousarray(velocity, dtype=float).ravel().copy()
+        if v.shape != (k,) or not np.all(np.isfinite(v)):
+            raise InputError(f"the initial velocity must be a finite array of shape ({k // 3}, 3) in m/s")
+        held = problem.fixed[problem.fixed < k]
+        v[held] = 0.0
+        kinematics = Kinematics(state.u[:k].copy(), v, np.zeros(k))
+        motion = Motion(0.0, state, kinematics, self.options.dt)
+        if not np.isfinite(problem.shell.energy(state)):
+            raise InputError("the motion starts from an inadmissible state (past locking, or a collapsed element)")
+        a = self.inertia.mass.solve(-self._static_gradient(motion)[:k], problem.free[problem.free < k])
+        motion = replace(motion, kinematics=replace(kinematics, a=a), strain=self._samples(state) if self._dissipative else ())
+        return replace(motion, first_energy=self._energy(motion)["total"])
+
+    def _static_gradient(self, motion: Motion) -> np.ndarray:
+        """Gradient (n,) of everything but inertia at a motion, drag at its velocity included."""
+        shell, state, lam = self.problem.shell, motion.state, self.schedule(motion.time)
+        x = shell.positions(state)
+        g = np.zeros(self.problem.n)
+        shell.gradient(state, g)
+        for load in self.external:
+            load.gradient(shell, state, lam, g)
+        for drag in self.drag:
+            rule = StepRule(1.0, 1.0, motion.kinematics.x - motion.kinematics.v, 1.0, motion.kinematics.x)
+            drag.begin_step(shell, rule, x, motion.time)
+            g[: shell.alpha_offset] += drag.force(shell, x)
+        if self.options.mass_damping:
+            v = motion.kinematics.v.reshape(-1, 3)
+            g[: shell.alpha_offset] += self.options.mass_damping * self.inertia.mass(v).ravel()
+        return g
+
+    def _samples(self, state: State) -> tuple[np.ndarray, ...]:
+        shell = self.problem.shell
+        return (shell.green_strain(state), *shell.curvature_samples(state))
+
+    # -- one step --------------------------------------------------------------------------------------------------------
+    def step(self, dt: float, tally: _Tally | None = None) -> StepRecord | str:
+        """Try one step of ``dt`` seconds; on success :attr:`motion` moves on and the record comes back, else the name of the failure."""
+        tally = tally or _Tally()
+        problem, shell, motion, options = self.problem, self.problem.shell, self.motion, self.options
+        k, n_x, t = motion.kinematics, shell.alpha_offset, motion.time + dt
+        lam = self.schedule(t)
+        rule = step_rule(options.method, k, dt, options.rho)
+        held = problem.prescribed(lam)
+        old = None
+        if rule.old_force:
+            old = self._static_gradient(motion)
+            old[problem.fixed] = 0.0
+            old[n_x:] = 0.0
+        self.inertia.begin_step(rule, k, old)
+        predicted = (k.x + dt * k.v).reshape(-1, 3)
+        for drag in self.drag:
+            drag.begin_step(shell, rule, predicted, t)
+        shell.viscosity = self._viscosity(rule)
+        problem.force_scale = float(np.linalg.norm(self.inertia.mass(k.a.reshape(-1, 3))))
+        done = 1.0
+        if self.contact is not None:
+            done = self.contact.begin_step(shell, motion.state, motion.state.with_u(np.r_[predicted.ravel(), motion.state.u[n_x:]]),
+                                           motion.time, t, dt)
+        guess = self._guess(rule, held, lam)
+        if guess is None:
+            return "LockingReached"
+        result, moves = newton(problem, guess, lam, options.newton), 0
+        self._count(tally, result)
+        while result.converged and done < 1.0 and moves < 100:  # a body on its way: push the sheet along in collision-free moves
+            done, moves = self.contact.continue_step(shell, result.state), moves + 1
+            result = newton(problem, result.state, lam, options.newton)
+            self._count(tally, result)
+        if not result.converged or done < 1.0:
+            tally.wasted += result.iterations
+            return failure_name(result)
+        tally.iterations += result.iterations
+        state = shell.accept(result.state)
+        return self._accept(rule, state, result, t, dt)
+
+    def _guess(self, rule: StepRule, held: np.ndarray, lam: float) -> State | None:
+        """Start of Newton's method: the last acceleration again, or none, or no motion at all: the lowest admissible energy of the first two."""
+        problem, k, state = self.problem, self.motion.kinematics, self.motion.state
+        best, lowest = None, np.inf
+        for x in (rule.xa + k.a / rule.ca, rule.xa, k.x):
+            if x is k.x and best is not None:
+                break
+            u = state.u.copy()
+            u[: len(x)] = x
+            u[problem.fixed] = held
+            trial = state.with_u(u)
+            if self.contact is not None and x is not k.x:
+                t = self.contact.max_step(problem.shell, state, trial.u - state.u)
+                trial = state.with_u(state.u + t * (trial.u - state.u))
+                trial.u[problem.fixed] = held
+            energy = problem.energy(trial, lam)
+            if energy < lowest:
+                best, lowest = trial, energy
+        return best
+
+    def _viscosity(self, rule: StepRule) -> Viscosity | None:
+        """Viscous energy of the step: rates by the backward difference of the integrator."""
+        if not self._dissipative:
+            return None
+        motion = self.motion
+        if rule.order == 2 and self.options.method == "bdf2" and len(motion.strain) == 6:
+            w = rule.dt / motion.kinematics.dt_old
+            c1, c2 = -(1 + w) / rule.dt, w * w / (1 + w) / rule.dt
+            star = [-(c1 * new + c2 * old) / rule.cv for new, old in zip(motion.strain[:3], motion.strain[3:], strict=True)]
+            return Viscosity(self.options.stiffness_damping * rule.cv, *star)
+        return Viscosity(self.options.stiffness_damping / rule.dt, *motion.strain[:3])
+
+    def _count(self, tally: _Tally, result) -> None:
+        tally.assembly += result.assembly_s
+        tally.solve += result.solve_s
+        tally.notes += result.notes
+
+    def _accept(self, rule: StepRule, state: State, result, t: float, dt: float) -> StepRecord:
+        problem, shell, motion = self.problem, self.problem.shell, self.motion
+        before, n_x = motion.kinematics, shell.alpha_offset
+        kinematics = rule.advance(before, state.u[:n_x].copy())
+        moved = kinematics.x - before.x
+        dissipated = 0.0
+        for drag in self.drag:
+            dissipated += float(drag.force(shell, shell.positions(state)) @ moved)
+        if self.options.mass_damping:
+            dissipated += self.options.mass_damping * float(self.inertia.mass(kinematics.v.reshape(-1, 3)).ravel() @ moved)
+        if shell.viscosity is not None:
+            dissipated += self._viscous_work(state, motion.strain[:3])
+        reaction = problem.gradient(state, self.schedule(t))[problem.fixed]
+        work = float(reaction @ (state.u - motion.state.u)[problem.fixed]) if len(problem.fixed) else 0.0
+        samples = (*self._samples(state), *motion.strain[:3]) if self._dissipative else ()
+        error = self._local_error(rule, before, kinematics)
+        if self.contact is not None:
+            self.contact.end_step(shell, state)
+        self.motion = Motion(t, state, kinematics, motion.dt, motion.step + 1, samples, motion.dissipated + dissipated,
+                             motion.work + work, motion.first_energy)
+        energy = self._energy(self.motion)
+        total = energy.pop("total")
+        defect = motion.first_energy - total - self.motion.dissipated + self.motion.work
+        speed = float(np.sqrt(np.sum(kinematics.v.reshape(-1, 3) ** 2, axis=1).max(initial=0.0)))
+        contacts, distance = (0, None) if self.contact is None else self.contact.summary()
+        return StepRecord(t, dt, result.iterations, result.residual, result.residual_relative, **energy, dissipated=self.motion.dissipated,
+                          defect=defect, speed=speed, error=error, contacts=contacts, distance=distance)
+
+    def _viscous_work(self, state: State, before: tuple[np.ndarray, ...]) -> float:
+        """Work of the viscous stresses over the last step, J."""
+        shell = self.problem.shell
+        v, g = shell.viscosity, shell.geometry
+        assert v is not None
+        after = self._samples(state)
+        stiffness = v.factor * shell.fabric.membrane_scale * shell.fabric.law.tangent_at_rest()
+        stress = (after[0] - v.strain) @ stiffness
+        work = float(np.sum(g.area_weights * np.sum(stress * (after[0] - before[0]), axis=-1)))
+        if shell.with_bending:
+            def moment(ci, ce):
+                b = np.einsum("ek,eqrk->eqr", ce, g.R_edge, optimize=True)
+                return b + np.einsum("eqa,eqra->eqr", ci, g.R_interior, optimize=True) if g.tables.order == 2 else b
+
+            rate = moment(after[1] - v.interior, after[2] - v.edge)
+            work += v.factor * float(np.sum(rate * moment(after[1] - before[1], after[2] - before[2])))
+        return work
+
+    def _local_error(self, rule: StepRule, old: Kinematics, new: Kinematics) -> float:
+        """Estimate of the local error of the positions, m (root mean square over the nodes)."""
+        change = new.a - old.a
+        if rule.order == 1:
+            e = 0.5 * rule.dt * (new.v - old.v)
+        elif self.options.method == "bdf2":
+            e = (2.0 / 9.0) * rule.dt**2 * change
+        else:
+            e = rule.dt**2 * abs(1 / (rule.ca * rule.dt**2) - 1 / 6) * change
+        return float(np.sqrt(3.0 * np.mean(e**2)))
+
+    def _energy(self, motion: Motion) -> dict[str, float]:
+        """Energies at a motion, J."""
+        shell, state, v = self.problem.shell, motion.state, motion.kinematics.v.reshape(-1, 3)
+        membrane, bending = shell.energies(state)
+        lam = self.schedule(motion.time)
+        parts = {"kinetic": 0.5 * float(np.sum(v * self.inertia.mass(v))), "membrane": membrane, "bending": bending,
+                 "potential": float(sum(load.energy(shell, state, lam) for load in self.external)),
+                 "contact": 0.0 if self.contact is None else float(self.contact.energy(shell, state, lam))}
+        return parts | {"total": sum(parts.values())}
+
+    # -- many steps ------------------------------------------------------------------------------------------------------
+    def run(self, until: float, on_step: Callable[[StepRecord], None] | None = None, stops: Sequence[float] = ()) -> DynamicResult:
+        """Advance to the time ``until`` (s), which is hit exactly, as are the times ``stops``.
+
+        Parameters
+        ----------
+        on_step : callable, optional
+            Called with the record of every accepted step (then :attr:`motion` is that step's).
+        """
+        begin, options = clock.perf_counter(), self.options
+        tally, records, status = _Tally(), [], "converged"
+        targets = sorted({t for t in stops if self.motion.time < t < until} | {until})
+        for target in targets:
+            while target - self.motion.time > 1e-9 * options.dt:
+                left = target - self.motion.time
+                dt = left / max(1, int(np.ceil(left / self.motion.dt - 1e-9)))
+                outcome = self.step(dt, tally)
+                if isinstance(outcome, StepRecord):
+                    self._adapt(outcome, dt)
+                    records.append(outcome)
+                    if on_step is not None:
+                        on_step(outcome)
+                    continue
+                tally.halvings += 1
+                self.motion = replace(self.motion, dt=0.5 * dt)
+                if 0.5 * dt < options.min_dt:
+                    status = outcome
+                    break
+            if status != "converged":
+                break
+        message = f"{self.motion.time:.6g} s reached" if status == "converged" else (
+            f"{status}: {self.motion.time:.6g} s of {until:.6g} s reached; steps below {options.min_dt:.1e} s do not converge; the last "
+            "accepted state is kept")
+        timings = {"assembly": tally.assembly, "solve": tally.solve, "total": clock.perf_counter() - begin}
+        return DynamicResult(status == "converged", status, message, self.motion, tuple(records), tally.iterations, tally.wasted,
+                             tally.halvings, timings, tuple(dict.fromkeys(tally.notes)))
+
+    def _adapt(self, record: StepRecord, dt: float) -> None:
+        """Step to try next: back to the nominal one after halvings; with a tolerance by the local error and Newton's effort."""
+        options = self.options
+        proposal = min(options.dt, 2.0 * dt)
+        if options.tolerance is not None:
+            order = 1 if options.method == "implicit-euler" else 2
+            factor = 0.9 * (options.tolerance / max(record.error, 1e-300)) ** (1.0 / (order + 1))
+            proposal = min(options.dt, dt * float(np.clip(factor, 0.3, 2.0)))
+            if record.iterations > 20:
+                proposal = min(proposal, 0.7 * dt)
+        if dt < self.motion.dt * (1 - 1e-9) and options.tolerance is None and record.iterations < 30:
+            proposal = max(proposal, self.motion.dt)  # shortened only to hit a stop
+        self.motion = replace(self.motion, dt=max(proposal, options.min_dt))
