@@ -1,7 +1,7 @@
 r"""Drag of the air, quadratic in the velocity relative to it.
 
-:class:`AirDrag`, the default, acts per area: :math:`-\gamma_n |v_n| v_n` along the normal and :math:`-\gamma_t |v_t| v_t` along the sheet, in
-N/m², with :math:`v` relative to the air. It does not change with the mesh. :class:`VertexDrag` is formula (16) of the silk paper,
+:class:`AirDrag`, the default, acts per area: :math:`-\gamma_n |v_n| v_n` along the normal and :math:`-\gamma_t |v_t| v_t` along
+the sheet, N/m²; :math:`v` is relative to the air. It does not change with the mesh. :class:`VertexDrag` is formula (16) of the silk paper,
 :math:`-\gamma |v| v` at every *vertex*: refine the mesh and the drag grows with the number of vertices.
 
 Both are derivatives of a convex dissipation potential :math:`D(v)` once the normals are those of the predicted configuration; the

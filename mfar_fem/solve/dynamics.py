@@ -35,14 +35,13 @@ class DynamicsOptions:
     rho : float
         Spectral radius of generalised-α at infinite frequency.
     rtol, atol : float
-        Residual of a step: below ``max(atol, rtol · reference)``, N; the reference is the largest of weight and loads, reactions and
-        inertial forces.
+        Residual of a step: below ``max(atol, rtol · reference)``, N; the reference is the largest of loads, reactions and inertia.
     mass : {'consistent', 'lumped'}
     mass_damping : float
         1/s: force ``-c M v``.
     stiffness_damping : float
-        s: viscous stress ``c D dE/dt`` with the stiffness at rest (Kelvin–Voigt), in membrane and bending; a vibration of angular frequency
-        ω has the damping ratio c ω / 2. A backward difference, of first order within generalised-α.
+        s: viscous stress ``c D dE/dt`` with the stiffness at rest (Kelvin–Voigt), in membrane and bending; a vibration of angular
+        frequency ω has the damping ratio c ω / 2. A backward difference, of first order within generalised-α.
     tolerance : float or None
         Largest local error of a step, m (root mean square over the nodes): the step adapts to it. None: fixed steps.
     min_dt : float
@@ -88,8 +87,8 @@ class DynamicsOptions:
 class StepRecord:
     """One accepted time step: times in s, energies and works in J, speeds in m/s, residual in N.
 
-    ``dissipated`` is the work that drag and damping have taken since the start, ``defect`` what the total energy has lost beyond it and
-    beyond the work of moved supports: the integrator's own dissipation.
+    ``dissipated`` is the work that drag and damping have taken since the start, ``defect`` what the total energy has lost beyond
+    it and beyond the work of moved supports: the integrator's own dissipation.
     """
 
     time: float
@@ -130,7 +129,7 @@ class Motion:
     step : int
         Steps taken.
     strain : tuple of arrays
-        Strain and curvature samples (Green strain, interior, edge) of this step and, for BDF2, of the one before; empty without viscosity.
+        Strain and curvature samples (Green strain, interior, edge) of this step and of the one before; empty without viscosity.
     dissipated, work, first_energy : float
         Bookkeeping of :class:`StepRecord`, J.
     """
@@ -295,14 +294,14 @@ class Dynamics:
         problem.force_scale = float(np.linalg.norm(self.inertia.mass(k.a.reshape(-1, 3))))
         done = 1.0
         if self.contact is not None:
-            done = self.contact.begin_step(shell, motion.state, motion.state.with_u(np.r_[predicted.ravel(), motion.state.u[n_x:]]),
-                                           motion.time, t, dt)
+            ahead = motion.state.with_u(np.r_[predicted.ravel(), motion.state.u[n_x:]])
+            done = self.contact.begin_step(shell, motion.state, ahead, motion.time, t, dt)
         guess = self._guess(rule, held, lam)
         if guess is None:
             return "LockingReached"
         result, moves = newton(problem, guess, lam, options.newton), 0
         self._count(tally, result)
-        while result.converged and done < 1.0 and moves < 100:  # a body on its way: push the sheet along in collision-free moves
+        while result.converged and done < 1.0 and moves < 100:  # a body on its way pushes the sheet in collision-free moves
             done, moves = self.contact.continue_step(shell, result.state), moves + 1
             result = newton(problem, result.state, lam, options.newton)
             self._count(tally, result)
@@ -314,7 +313,7 @@ class Dynamics:
         return self._accept(rule, state, result, t, dt)
 
     def _guess(self, rule: StepRule, held: np.ndarray, lam: float) -> State | None:
-        """Start of Newton's method: the last acceleration again, or none, or no motion at all: the lowest admissible energy of the first two."""
+        """Start of Newton's method: the last acceleration again or none, the one of lower energy; where both fail, no motion."""
         problem, k, state = self.problem, self.motion.kinematics, self.motion.state
         best, lowest = None, np.inf
         for x in (rule.xa + k.a / rule.ca, rule.xa, k.x):
@@ -375,8 +374,9 @@ class Dynamics:
         defect = motion.first_energy - total - self.motion.dissipated + self.motion.work
         speed = float(np.sqrt(np.sum(kinematics.v.reshape(-1, 3) ** 2, axis=1).max(initial=0.0)))
         contacts, distance = (0, None) if self.contact is None else self.contact.summary()
-        return StepRecord(t, dt, result.iterations, result.residual, result.residual_relative, **energy, dissipated=self.motion.dissipated,
-                          defect=defect, speed=speed, error=error, contacts=contacts, distance=distance)
+        return StepRecord(t, dt, result.iterations, result.residual, result.residual_relative, **energy,
+                          dissipated=self.motion.dissipated, defect=defect, speed=speed, error=error, contacts=contacts,
+                          distance=distance)
 
     def _viscous_work(self, state: State, before: tuple[np.ndarray, ...]) -> float:
         """Work of the viscous stresses over the last step, J."""
@@ -448,8 +448,8 @@ class Dynamics:
             if status != "converged":
                 break
         message = f"{self.motion.time:.6g} s reached" if status == "converged" else (
-            f"{status}: {self.motion.time:.6g} s of {until:.6g} s reached; steps below {options.min_dt:.1e} s do not converge; the last "
-            "accepted state is kept")
+            f"{status}: {self.motion.time:.6g} s of {until:.6g} s reached; steps below {options.min_dt:.1e} s do not converge; the "
+            "last accepted state is kept")
         timings = {"assembly": tally.assembly, "solve": tally.solve, "total": clock.perf_counter() - begin}
         return DynamicResult(status == "converged", status, message, self.motion, tuple(records), tally.iterations, tally.wasted,
                              tally.halvings, timings, tuple(dict.fromkeys(tally.notes)))

@@ -148,3 +148,24 @@ def rigid_body_modes(shell, state) -> np.ndarray:
         if shell.with_bending:
             B[k:, 3 + axis] = -shell.edge_tangents(state) @ e
     return B
+
+
+def negative_eigenvalues(A: csr_matrix) -> int:
+    """Number of negative eigenvalues of a symmetric matrix, from the signs of its pivots (Sylvester's law of inertia).
+
+    Raises
+    ------
+    SingularMatrixError
+        If the matrix cannot be factorised.
+    """
+    matrix = csc_matrix((A.data, A.indices, A.indptr), shape=A.shape)
+    try:
+        lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError as error:
+        raise SingularMatrixError(str(error)) from error
+    if np.array_equal(lu.perm_r, lu.perm_c):
+        return int(np.sum(lu.U.diagonal() < 0))
+    from scipy.sparse.linalg import eigsh  # a pivot off the diagonal: look at the eigenvalues next to zero instead
+
+    values = eigsh(A, k=min(12, A.shape[0] - 2), sigma=0.0, which="LM", return_eigenvectors=False)
+    return int(np.sum(values < 0))

@@ -77,7 +77,10 @@ class Mass:
 
 
 def element_quadrature(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weights (nt, nq), m², shape values (nq, nn_e) and derivatives (nq, nn_e, 2) that integrate products of two shape functions exactly on flat elements."""
+    """Quadrature that integrates products of two shape functions exactly on flat elements.
+
+    Weights (nt, nq), m², shape values (nq, nn_e) and their derivatives (nq, nn_e, 2).
+    """
     from mfar_fem.shell.geometry import tangents
     from mfar_fem.shell.tables import shape
 

@@ -24,7 +24,7 @@ class SymmetricPardiso:
         counts = np.bincount(rows[self._upper], minlength=A.shape[0])
         self._triangle = (A.indices[self._upper].astype(np.int32), np.concatenate([[0], np.cumsum(counts)]).astype(np.int32))
         self._solver = PyPardisoSolver(mtype=SYMMETRIC_INDEFINITE)
-        for parameter, value in ((1, 1), (2, 2), (8, 2), (10, 8), (11, 1), (13, 1), (24, 0)):
+        for parameter, value in ((1, 1), (2, 2), (8, 2), (10, 13), (11, 1), (13, 1), (24, 0)):
             self._solver.set_iparm(parameter, value)
         self._analysed = False
         weakref.finalize(self, self._solver.free_memory, everything=True)
