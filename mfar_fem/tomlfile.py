@@ -79,7 +79,7 @@ class TomlFile:
 
     def error(self, message: str, *keys: str) -> DataFileError:
         """The error to raise about a key (returned, not raised)."""
-        return DataFileError(message, path=self.path, line=self.line(*keys), column=".".join(keys) or None)
+        return DataFileError(message, path=self.path, line=self.line(*keys), column=_shown(keys) or None)
 
     def get(self, *keys: str, default: Any = _MISSING, kind: type | tuple[type, ...] | None = None) -> Any:
         """Value at a key path.
@@ -100,11 +100,14 @@ class TomlFile:
         """
         value: Any = self.data
         for n, key in enumerate(keys):
+            if isinstance(value, list) and key.isdigit() and int(key) < len(value):  # [[table]]: its entries by number
+                value = value[int(key)]
+                continue
             if not isinstance(value, dict):
                 raise self.error("must be a table, written [" + ".".join(keys[:n]) + "]", *keys[:n])
             if key not in value:
                 if default is _MISSING:
-                    raise self.error(f"the key '{'.'.join(keys)}' is missing", *keys)
+                    raise self.error(f"the key '{_shown(keys)}' is missing", *keys)
                 return default
             value = value[key]
         if kind is not None and (not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool)):
@@ -125,7 +128,15 @@ class TomlFile:
         value = self.get(*keys, default=default)
         if value is default and default is not _MISSING:
             return default
-        return units.parse(value, unit, name=".".join(keys), path=self.path, line=self.line(*keys))
+        return units.parse(value, unit, name=_shown(keys), path=self.path, line=self.line(*keys))
+
+
+def _shown(keys: Iterable[str]) -> str:
+    """A key path for people: numbers of ``[[table]]`` entries count from 1, ``body[2].radius``."""
+    text = ""
+    for key in keys:
+        text += f"[{int(key) + 1}]" if key.isdigit() else (("." if text else "") + key)
+    return text
 
 
 def _split(dotted: str) -> tuple[str, ...]:
@@ -136,6 +147,7 @@ def _split(dotted: str) -> tuple[str, ...]:
 def _key_lines(text: str) -> dict[tuple[str, ...], int]:
     """Line numbers (1-based) of all tables and keys, by path; text inside multi-line strings is skipped."""
     found: dict[tuple[str, ...], int] = {}
+    count: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     inside = None
     for number, line in enumerate(text.splitlines(), 1):
@@ -144,6 +156,15 @@ def _key_lines(text: str) -> dict[tuple[str, ...], int]:
                 continue
             if header := _HEADER.match(line):
                 table = _split(header[1])
+                if line.lstrip().startswith("[["):
+                    found.setdefault(table, number)
+                    table = (*table, str(count.get(table, 0)))
+                    count[table[:-1]] = int(table[-1]) + 1
+                else:  # [body.motion] after [[body]] belongs to the last body
+                    for n in range(len(table) - 1, 0, -1):
+                        if table[:n] in count:
+                            table = (*table[:n], str(count[table[:n]] - 1), *table[n:])
+                            break
                 found.setdefault(table, number)
             elif key := _KEY.match(line):
                 found.setdefault(table + _split(key[1]), number)

@@ -19,8 +19,6 @@ from material_tests.cantilever.model import LOOP_LENGTH, exact
 from mfar_fem.errors import InputError, NotConvergedError, ParameterError, UnknownNameError
 from mfar_fem.loads import gravity as gravity_load
 from mfar_fem.shell import State
-from mfar_fem.shell.geometry import edge_points_of_elements, mean_directors
-from mfar_fem.shell.tables import tables
 from mfar_fem.solve import NewtonOptions, Problem, solve_static
 from mfar_fem.solve.newton import newton
 from mfar_fem.supports import Clamp, Symmetry
@@ -275,18 +273,11 @@ def _strip(fabric, length, width, angle, cells, free, gravity) -> Problem:
 
 def _bent(problem: Problem, curve: Callable) -> State:
     """The strip bent without stretch into the curve ``s -> (x, z)``, directors included."""
-    surface, start = problem.surface, problem.start()
-    nodes = surface.nodes.copy()
+    nodes = problem.surface.nodes.copy()
     values = curve(nodes[:, 0])
     values = np.column_stack(values) if isinstance(values, tuple) else values
     nodes[:, 0], nodes[:, 2] = values[:, 0], values[:, 1]
-    t = tables(surface.order)
-    directors = mean_directors(surface, nodes, t, edge_points_of_elements(surface, t.ng)[0])
-    held = problem.fixed[problem.fixed >= problem.shell.alpha_offset] - problem.shell.alpha_offset
-    directors[held] = start.directors[held]
-    u = np.concatenate([nodes.ravel(), np.zeros(problem.shell.n_alpha)])
-    u[problem.fixed] = problem.prescribed(1.0)
-    return State(u, directors)
+    return problem.state_at(nodes)
 
 
 def _solve(problem: Problem, guess: State, what: str) -> tuple[State, int]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, identity, vstack
 
 
 class Pattern:
@@ -27,21 +28,25 @@ class Pattern:
     """
 
     def __init__(self, n: int, element_dofs: Sequence[np.ndarray]):
-        keys = [np.arange(n, dtype=np.int64) * (n + 1)]
-        for dofs in element_dofs:
-            dofs = np.asarray(dofs, dtype=np.int64)
-            keys.append((dofs[:, :, None] * n + dofs[:, None, :]).reshape(-1))
-        sizes = [len(k) for k in keys]
-        unique, inverse = np.unique(np.concatenate(keys), return_inverse=True)
-        self._keys = unique
-        inverse = inverse.reshape(-1).astype(np.int32)
-        self.n, self.nnz = n, len(unique)
-        self.indices = (unique % n).astype(np.int32)
-        self.indptr = np.searchsorted(unique, np.arange(n + 1, dtype=np.int64) * n).astype(np.int32)
-        parts = np.split(inverse, np.cumsum(sizes)[:-1])
-        self.diagonal = parts[0]
-        self.positions = [np.ascontiguousarray(p.reshape(len(d), -1))
-                          for p, d in zip(parts[1:], element_dofs, strict=True)]
+        from mfar_fem.assembly.pattern_kernels import locate
+
+        blocks = [np.ascontiguousarray(dofs, dtype=np.int32) for dofs in element_dofs]
+        incidence = vstack([identity(n, dtype=bool, format="csr"), *(_incidence(dofs, n) for dofs in blocks)], format="csr")
+        union = incidence.T.tocsr() @ incidence
+        union.sort_indices()
+        self.n, self.nnz = n, union.nnz
+        self.indices, self.indptr = union.indices.astype(np.int32, copy=False), union.indptr.astype(np.int32, copy=False)
+        everyone = np.arange(n, dtype=np.int32)[:, None]
+        self.diagonal, *self.positions = (np.empty((len(dofs), dofs.shape[1] ** 2), dtype=np.int32) for dofs in [everyone, *blocks])
+        for dofs, out in zip([everyone, *blocks], [self.diagonal, *self.positions], strict=True):
+            locate(dofs, self.indptr, self.indices, out)
+        self.diagonal = self.diagonal[:, 0]
+
+    @cached_property
+    def _keys(self) -> np.ndarray:
+        """``row · n + column`` of every entry, ascending."""
+        rows = np.repeat(np.arange(self.n, dtype=np.int64), np.diff(self.indptr))
+        return rows * self.n + self.indices
 
     def matrix(self, data: np.ndarray) -> csr_matrix:
         """CSR matrix (n, n) that shares the pattern's index arrays."""
@@ -76,3 +81,9 @@ class SubPattern:
     def matrix(self, data: np.ndarray) -> csr_matrix:
         """The block (CSR) of the matrix with the whole pattern's ``data``."""
         return csr_matrix((data[self.gather], self.indices, self.indptr), shape=self.shape, copy=False)
+
+
+def _incidence(dofs: np.ndarray, n: int) -> csr_matrix:
+    """Boolean matrix (ne, n): which unknowns an element has."""
+    ends = np.arange(0, dofs.size + 1, dofs.shape[1], dtype=np.int32)
+    return csr_matrix((np.ones(dofs.size, dtype=bool), dofs.ravel(), ends), shape=(len(dofs), n))

@@ -23,6 +23,10 @@ from mfar_fem.solve.problem import Problem
 from mfar_fem.solve.statics import failure_name
 
 
+MAX_MOVES = 100
+"""Collision-free moves of a body within one time step, at most."""
+
+
 @dataclass(frozen=True)
 class DynamicsOptions:
     """Settings of the time integration.
@@ -153,7 +157,8 @@ class DynamicResult:
     ----------
     converged : bool
     status : str
-        ``converged`` or the named failure (``LockingReached``, ``Diverged``, ``StepTooSmall``, ``SingularTangent``).
+        ``converged`` or the named failure (``LockingReached``, ``Diverged``, ``StepTooSmall``, ``SingularTangent``,
+        ``BodyBlocked``: a body cannot push the sheet out of its way).
     message : str
     motion : Motion
         The last accepted one.
@@ -272,6 +277,13 @@ class Dynamics:
         shell = self.problem.shell
         return (shell.green_strain(state), *shell.curvature_samples(state))
 
+    def resume(self, motion: Motion) -> None:
+        """Go on from a motion of the same sheet (its supports may be others)."""
+        shell = self.problem.shell
+        if motion.state.u.shape != (shell.n,) or motion.state.directors.shape != (shell.n_alpha, 3):
+            raise InputError(f"the motion has {len(motion.state.u)} unknowns, the sheet {shell.n}: another mesh or level")
+        self.motion = motion
+
     # -- one step --------------------------------------------------------------------------------------------------------
     def step(self, dt: float, tally: _Tally | None = None) -> StepRecord | str:
         """Try one step of ``dt`` seconds; on success :attr:`motion` moves on and the record comes back, else the name of the failure."""
@@ -283,8 +295,8 @@ class Dynamics:
         held = problem.prescribed(lam)
         old = None
         if rule.old_force:
+            shell.viscosity = self._last_viscosity()  # that of a rejected step may still be there
             old = self._static_gradient(motion)
-            old[problem.fixed] = 0.0
             old[n_x:] = 0.0
         self.inertia.begin_step(rule, k, old)
         predicted = (k.x + dt * k.v).reshape(-1, 3)
@@ -292,41 +304,48 @@ class Dynamics:
             drag.begin_step(shell, rule, predicted, t)
         shell.viscosity = self._viscosity(rule)
         problem.force_scale = float(np.linalg.norm(self.inertia.mass(k.a.reshape(-1, 3))))
-        done = 1.0
+        done, base = 1.0, motion.state
         if self.contact is not None:
-            ahead = motion.state.with_u(np.r_[predicted.ravel(), motion.state.u[n_x:]])
-            done = self.contact.begin_step(shell, motion.state, ahead, motion.time, t, dt)
-        guess = self._guess(rule, held, lam)
+            done = self.contact.begin_step(shell, base, None, motion.time, t, dt)
+            if done < 1.0:
+                done, base = self.contact.advance(shell, base, problem.fixed)
+        guess = self._guess(rule, base, held, lam)
         if guess is None:
             return "LockingReached"
-        result, moves = newton(problem, guess, lam, options.newton), 0
+        touching = self.contact is not None and self.contact.report(shell, guess).pairs > 0
+        settings = replace(options.newton, plain_iterations=0) if touching else options.newton  # full steps bounce off barriers
+        result, moves = newton(problem, guess, lam, settings), 0
         self._count(tally, result)
-        while result.converged and done < 1.0 and moves < 100:  # a body on its way pushes the sheet in collision-free moves
-            done, moves = self.contact.continue_step(shell, result.state), moves + 1
-            result = newton(problem, result.state, lam, options.newton)
+        while result.converged and done < 1.0 and moves < MAX_MOVES:  # a body on its way pushes the sheet in collision-free moves
+            (done, base), moves = self.contact.advance(shell, result.state, problem.fixed), moves + 1
+            result = newton(problem, base, lam, settings)
             self._count(tally, result)
         if not result.converged or done < 1.0:
             tally.wasted += result.iterations
-            return failure_name(result)
+            return "BodyBlocked" if result.converged else failure_name(result)
         tally.iterations += result.iterations
         state = shell.accept(result.state)
         return self._accept(rule, state, result, t, dt)
 
-    def _guess(self, rule: StepRule, held: np.ndarray, lam: float) -> State | None:
-        """Start of Newton's method: the last acceleration again or none, the one of lower energy; where both fail, no motion."""
-        problem, k, state = self.problem, self.motion.kinematics, self.motion.state
+    def _guess(self, rule: StepRule, base: State, held: np.ndarray, lam: float) -> State | None:
+        """Start of Newton's method: the last acceleration again or none, the one of lower energy; where both fail, no motion.
+
+        ``base`` is the state at the start of the step, pushed along by bodies that have moved meanwhile.
+        """
+        problem, k = self.problem, self.motion.kinematics
         best, lowest = None, np.inf
-        for x in (rule.xa + k.a / rule.ca, rule.xa, k.x):
-            if x is k.x and best is not None:
+        pushed = base is not self.motion.state
+        for x in (rule.xa + k.a / rule.ca, rule.xa, base.u[: len(k.x)]):
+            if best is not None and x.base is base.u:
                 break
-            u = state.u.copy()
+            u = base.u.copy()
             u[: len(x)] = x
             u[problem.fixed] = held
-            trial = state.with_u(u)
-            if self.contact is not None and x is not k.x:
-                t = self.contact.max_step(problem.shell, state, trial.u - state.u)
-                trial = state.with_u(state.u + t * (trial.u - state.u))
-                trial.u[problem.fixed] = held
+            trial = base.with_u(u)
+            if self.contact is not None:
+                trial = self.contact.limit(problem.shell, base, trial)
+                if pushed or not np.array_equal(trial.u[problem.fixed], held):
+                    trial.u[problem.fixed] = held
             energy = problem.energy(trial, lam)
             if energy < lowest:
                 best, lowest = trial, energy
@@ -344,27 +363,33 @@ class Dynamics:
             return Viscosity(self.options.stiffness_damping * rule.cv, *star)
         return Viscosity(self.options.stiffness_damping / rule.dt, *motion.strain[:3])
 
+    def _last_viscosity(self) -> Viscosity | None:
+        """Viscosity of the last accepted step of generalised-α, whose stress belongs to the old forces of the next."""
+        motion = self.motion
+        if len(motion.strain) < 6:
+            return None
+        return Viscosity(self.options.stiffness_damping / motion.kinematics.dt_old, *motion.strain[3:])
+
     def _count(self, tally: _Tally, result) -> None:
         tally.assembly += result.assembly_s
         tally.solve += result.solve_s
         tally.notes += result.notes
 
-    def _accept(self, rule: StepRule, state: State, result, t: float, dt: float) -> StepRecord:
+    def _accept(self, rule: StepRule, state: State, result, t: float, dt: float) -> StepRecord | str:
         problem, shell, motion = self.problem, self.problem.shell, self.motion
         before, n_x = motion.kinematics, shell.alpha_offset
         kinematics = rule.advance(before, state.u[:n_x].copy())
+        error = self._local_error(rule, before, kinematics)
+        if self.options.tolerance is not None and error > 4.0 * self.options.tolerance and dt > 2.0 * self.options.min_dt:
+            return "ToleranceMissed"
         moved = kinematics.x - before.x
-        dissipated = 0.0
-        for drag in self.drag:
-            dissipated += float(drag.force(shell, shell.positions(state)) @ moved)
-        if self.options.mass_damping:
-            dissipated += self.options.mass_damping * float(self.inertia.mass(kinematics.v.reshape(-1, 3)).ravel() @ moved)
+        reaction = rule.force_weight * problem.gradient(state, self.schedule(t))[problem.fixed]
+        dissipated = self._drag_work(rule, before.x, kinematics.x, t)
+        dissipated += self.options.mass_damping * float(self.inertia.mass(moved.reshape(-1, 3)).ravel() @ moved) / dt
         if shell.viscosity is not None:
-            dissipated += self._viscous_work(state, motion.strain[:3])
-        reaction = problem.gradient(state, self.schedule(t))[problem.fixed]
+            dissipated += self._viscous_work(state, motion.strain[:3], dt)
         work = float(reaction @ (state.u - motion.state.u)[problem.fixed]) if len(problem.fixed) else 0.0
         samples = (*self._samples(state), *motion.strain[:3]) if self._dissipative else ()
-        error = self._local_error(rule, before, kinematics)
         if self.contact is not None:
             self.contact.end_step(shell, state)
         self.motion = Motion(t, state, kinematics, motion.dt, motion.step + 1, samples, motion.dissipated + dissipated,
@@ -373,28 +398,39 @@ class Dynamics:
         total = energy.pop("total")
         defect = motion.first_energy - total - self.motion.dissipated + self.motion.work
         speed = float(np.sqrt(np.sum(kinematics.v.reshape(-1, 3) ** 2, axis=1).max(initial=0.0)))
-        contacts, distance = (0, None) if self.contact is None else self.contact.summary()
+        contacts, distance = 0, None
+        if self.contact is not None:
+            found = self.contact.report(shell, state)
+            contacts, distance = found.pairs, found.least_distance if np.isfinite(found.least_distance) else None
         return StepRecord(t, dt, result.iterations, result.residual, result.residual_relative, **energy,
                           dissipated=self.motion.dissipated, defect=defect, speed=speed, error=error, contacts=contacts,
                           distance=distance)
 
-    def _viscous_work(self, state: State, before: tuple[np.ndarray, ...]) -> float:
-        """Work of the viscous stresses over the last step, J."""
-        shell = self.problem.shell
-        v, g = shell.viscosity, shell.geometry
-        assert v is not None
-        after = self._samples(state)
-        stiffness = v.factor * shell.fabric.membrane_scale * shell.fabric.law.tangent_at_rest()
-        stress = (after[0] - v.strain) @ stiffness
-        work = float(np.sum(g.area_weights * np.sum(stress * (after[0] - before[0]), axis=-1)))
-        if shell.with_bending:
-            def moment(ci, ce):
-                b = np.einsum("ek,eqrk->eqr", ce, g.R_edge, optimize=True)
-                return b + np.einsum("eqa,eqra->eqr", ci, g.R_interior, optimize=True) if g.tables.order == 2 else b
+    def _drag_work(self, rule: StepRule, old: np.ndarray, new: np.ndarray, t: float) -> float:
+        """Work that the drag has taken over the last step, J: by its force at the end (order 1) or in the middle (order 2)."""
+        shell, total = self.problem.shell, 0.0
+        x = new
+        if rule.order == 2 and self.drag:
+            x = 0.5 * (old + new)
+            middle = StepRule(rule.dt, 1.0, x - (new - old) / rule.dt, 1.0, x)
+            for drag in self.drag:
+                drag.begin_step(shell, middle, x.reshape(-1, 3), t - 0.5 * rule.dt)
+        for drag in self.drag:
+            total += float(drag.force(shell, x.reshape(-1, 3)) @ (new - old))
+        return total
 
-            rate = moment(after[1] - v.interior, after[2] - v.edge)
-            work += v.factor * float(np.sum(rate * moment(after[1] - before[1], after[2] - before[2])))
-        return work
+    def _viscous_work(self, state: State, before: tuple[np.ndarray, ...], dt: float) -> float:
+        """Work of the viscous stresses over the last step at its mean rates, J."""
+        shell, g = self.problem.shell, self.problem.shell.geometry
+        strain, interior, edge = (new - old for new, old in zip(self._samples(state), before, strict=True))
+        stiffness = shell.fabric.membrane_scale * shell.fabric.law.tangent_at_rest()
+        work = float(np.sum(g.area_weights * np.sum((strain @ stiffness) * strain, axis=-1)))
+        if shell.with_bending:
+            moment = np.einsum("ek,eqrk->eqr", edge, g.R_edge, optimize=True)
+            if g.tables.order == 2:
+                moment += np.einsum("eqa,eqra->eqr", interior, g.R_interior, optimize=True)
+            work += float(np.sum(moment**2))
+        return self.options.stiffness_damping / dt * work
 
     def _local_error(self, rule: StepRule, old: Kinematics, new: Kinematics) -> float:
         """Estimate of the local error of the positions, m (root mean square over the nodes)."""

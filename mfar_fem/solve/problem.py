@@ -83,6 +83,19 @@ class Problem:
                 directors = support.clamp_rotation(self.surface, directors)
         return State(state.u, directors)
 
+    def state_at(self, nodes: np.ndarray, lam: float = 1.0) -> State:
+        """State with the nodes (nn, 3) in given places, mean directors and no rotations; held unknowns keep their values."""
+        surface, start = self.surface, self.start()
+        u = np.concatenate([np.asarray(nodes, dtype=float).ravel(), np.zeros(self.shell.n_alpha)])
+        u[self.fixed] = self.prescribed(lam)
+        if not self.shell.with_bending:
+            return State(u, start.directors)
+        t, k = tables(surface.order), self.shell.alpha_offset
+        directors = mean_directors(surface, u[:k].reshape(-1, 3), t, edge_points_of_elements(surface, t.ng)[0])
+        held = self.fixed[self.fixed >= k] - k
+        directors[held] = start.directors[held]
+        return State(u, directors)
+
     def prescribed(self, lam: float) -> np.ndarray:
         """Values of the held unknowns at a load factor."""
         return self.shell.reference_state().u[self.fixed] + lam * self.change[self.fixed]
@@ -140,7 +153,7 @@ class Problem:
             if id(load) in self._positions:
                 load.hessian(self.shell, state, lam, data, self._positions[id(load)], exact)
             elif hasattr(load, "sparse_hessian"):
-                self._extra += self.pattern.scatter(*load.sparse_hessian(self.shell, state, lam), data)
+                self._extra += self.pattern.scatter(*load.sparse_hessian(self.shell, state, lam, psd=not exact), data)
         return g, data
 
     def system(self, data: np.ndarray) -> csr_matrix:

@@ -1,10 +1,12 @@
 r"""To rest: relaxation with growing pseudo time steps, ending in an equilibrium whose stability is known.
 
 Every step minimises the potential plus the inertia of a sheet that starts at rest, :math:`W(x) + |x - x_k|_M^2 / 2\Delta t^2`,
-linearised once: a Levenberg–Marquardt step in the metric of the mass. Steps that lower the energy as predicted double
-:math:`\Delta t`, others cut it; as it grows the step becomes Newton's. The energy falls monotonically, so the run cannot cycle, and it
-ends only where the *static* residual is below tolerance. The number of negative eigenvalues of the tangent there says whether the rest
-state is stable; an unstable one is left along its softest mode.
+linearised once: a Levenberg–Marquardt step in the metric of the mass. Full steps that lower the energy let :math:`\Delta t` grow;
+soon the step is Newton's. Its tangent is the positive semi-definite one with a share of the exact one: the first is never wrong but
+too stiff where compression and folds soften the sheet (a step then gains up to twice what it predicts), the second is indefinite far
+from rest. The share grows with full steps and is halved by short ones. The energy falls monotonically, so the run cannot cycle, and
+it ends only where the *static* residual is below tolerance. The number of negative eigenvalues of the tangent there says whether the
+rest state is stable; an unstable one is left along its softest mode.
 """
 
 from __future__ import annotations
@@ -23,8 +25,14 @@ from mfar_fem.solve.linear import LinearSolver, SingularMatrixError, negative_ei
 from mfar_fem.solve.newton import NewtonOptions, newton
 from mfar_fem.solve.problem import InadmissibleStateError, Problem
 
-ROUGH = 1e-3
-"""Relative residual at which a softened stage ends."""
+CONTACT_DT, STIFFENINGS = 0.05, 8
+"""Time (s) in which a barrier must stop the sheet, for its first stiffness, and how often it may be made stiffer."""
+ROUGH = 3e-5
+"""Share of the energy still to be gained by the next step at which a softened stage ends."""
+NEAR = 1e-2
+"""Relative residual from which Newton's method is tried without inertia."""
+GROWTH = 4.0
+"""Factor of the pseudo time step after a full step."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,7 @@ class RestOptions:
     linear_solver : str
     """
 
-    dt: float = 5e-3
+    dt: float = 0.1
     max_dt: float = 1e3
     rtol: float = 1e-7
     atol: float = 1e-13
@@ -117,7 +125,7 @@ def resting_problem(surface, fabric, supports=(), loads=(), bending: bool = True
 
 
 def relax(problem: Problem, start: State | None = None, options: RestOptions | None = None,
-          progress: Callable[[int, float, float], None] | None = None) -> RestResult:
+          progress: Callable[[int, float, float, State], None] | None = None) -> RestResult:
     """Let a supported, loaded sheet come to rest.
 
     Parameters
@@ -127,7 +135,7 @@ def relax(problem: Problem, start: State | None = None, options: RestOptions | N
     start : State, optional
         Where it is let go; default the reference state with displaced supports.
     progress : callable, optional
-        ``progress(iteration, energy, residual_relative)``.
+        ``progress(iteration, energy, residual_relative, state)``.
 
     Returns
     -------
@@ -138,14 +146,19 @@ def relax(problem: Problem, start: State | None = None, options: RestOptions | N
     run = _Relaxation(problem, start, options, progress)
     for share in options.softening:
         run.soften(share)
-    status, escapes, negative = run.descend(), 0, 0
+    status, escapes, negative = run.settle(), 0, 0
     while status == "converged" and options.check_stability:
         negative = run.negative_eigenvalues()
         if negative == 0 or escapes >= options.escapes or not run.leave():
             break
         escapes += 1
-        status = run.descend()
+        status = run.settle()
     return run.result(status, negative, escapes)
+
+
+def _less(blend: float) -> float:
+    """The share of the exact tangent after a step that did not go far."""
+    return 0.5 * blend if blend > 0.1 else 0.0
 
 
 class _Relaxation:
@@ -156,7 +169,11 @@ class _Relaxation:
         u = state.u.copy()
         u[problem.fixed] = problem.prescribed(1.0)
         self.state = state.with_u(u)
-        self.dt, self.iterations = options.dt, 0
+        self.contact = next((load for load in problem.loads if hasattr(load, "max_step")), None)
+        if self.contact is not None:
+            self.contact.check_start(problem.shell, self.state)
+            self.contact.begin_step(problem.shell, self.state, None, 0.0, 0.0, CONTACT_DT)
+        self.dt, self.iterations, self.rough = options.dt, 0, False
         self.timings = {"assembly": 0.0, "solve": 0.0}
         self.history: list[tuple[float, ...]] = []
         self.clock = time.perf_counter()
@@ -167,50 +184,75 @@ class _Relaxation:
         fabric = self.problem.shell.fabric
         problem, options = self.problem, self.options
         self.problem = problem.with_fabric(fabric.replace(law=Softened(fabric.law, share)))
-        self.options = replace(options, rtol=max(options.rtol, ROUGH), max_iterations=options.max_iterations // 2)
+        self.options, self.rough = replace(options, max_iterations=options.max_iterations // 2), True
         self.descend()
-        self.problem, self.options, self.dt = problem, options, options.dt
+        self.problem, self.options, self.dt, self.rough = problem, options, options.dt, False
+
+    def settle(self) -> str:
+        """Descend; where contacts came too near, with a stiffer barrier again."""
+        status = self.descend()
+        for _ in range(STIFFENINGS if self.contact is not None else 0):
+            before = self.contact.stiffness
+            self.contact.end_step(self.problem.shell, self.state)
+            if status != "converged" or self.contact.stiffness == before:
+                break
+            self.contact.begin_step(self.problem.shell, self.state, None, 0.0, 0.0, CONTACT_DT)
+            status = self.descend()
+        return status
 
     # -- descent ---------------------------------------------------------------------------------------------------------
     def descend(self) -> str:
         """Lower the energy until the static residual is below tolerance; the status."""
         problem, options = self.problem, self.options
-        exact = False
         self._anchor()
         energy = problem.energy(self.state, 1.0)
         if not np.isfinite(energy):
             return "LockingReached"
-        limit = self.iterations + options.max_iterations
+        limit, blend, near = self.iterations + options.max_iterations, 0.0, NEAR
         while self.iterations < limit:
             clock = time.perf_counter()
             try:
-                g, data = problem.tangent(self.state, 1.0, exact)
+                g, data = self._tangent(blend)
             except InadmissibleStateError:
                 return "LockingReached"
             self.timings["assembly"] += time.perf_counter() - clock
             self._measure(g)
             self.history.append((self.iterations, self.dt, energy, self.residual))
             if self.progress is not None:
-                self.progress(self.iterations, energy, self.relative)
-            if self.relative < 1e-2 and self.dt > 0.2 and self._finish(energy):
-                return "converged"
+                self.progress(self.iterations, energy, self.relative, self.state)
+            if self.relative < near:
+                if self._finish(energy):
+                    return "converged"
+                near = 0.3 * self.relative
             clock = time.perf_counter()
             step = self._solve(data, g)
             self.timings["solve"] += time.perf_counter() - clock
             self.iterations += 1
-            if step is None or not float(g @ step) < 0:
-                if exact:
-                    exact = False
-                    continue
-                self.dt *= 0.25
+            slope = 0.0 if step is None else float(g @ step)
+            if self.rough and -slope < ROUGH * abs(energy) and slope < 0:
+                return "converged"
+            turn = np.inf if step is None else np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
+            t, new = (0.0, energy) if not slope < 0 or (blend > 0.0 and turn > 0.5) else self._move(energy, slope, step, turn)
+            if t > 0.0:
+                energy = new
+                self.dt = min(GROWTH * self.dt, self.options.max_dt) if t >= 1.0 else self.dt
                 self._anchor()
-                if self.dt < 1e-9:
-                    return "SingularTangent"
-                continue
-            energy, exact, stalled = self._move(energy, g, step, exact)
-            if stalled:
-                return "converged" if self._finish(energy) else "Stalled"
+                blend = min(0.95, 0.12 + 0.9 * blend) if t >= 1.0 else blend if t > 0.3 else _less(blend)
+            elif blend > 0.0:
+                blend = _less(blend)
+            else:
+                self.dt *= 0.1
+                self._anchor()
+                if self.dt < 1e-9 or (step is not None and -slope < 1e-12 * abs(energy)):
+                    return "converged" if self._finish(energy) else "SingularTangent" if step is None else "Stalled"
         return "Diverged"
+
+    def _tangent(self, blend: float) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient, and the safe tangent with a share of the exact one."""
+        g, data = self.problem.tangent(self.state, 1.0, False)
+        if blend > 0.0:
+            data = (1.0 - blend) * data + blend * self.problem.tangent(self.state, 1.0, True)[1]
+        return g, data
 
     def _anchor(self) -> None:
         """Inertia of a sheet at rest in the present state."""
@@ -236,27 +278,33 @@ class _Relaxation:
             return None
         return step if np.all(np.isfinite(step)) else None
 
-    def _move(self, energy: float, g: np.ndarray, step: np.ndarray, exact: bool) -> tuple[float, bool, bool]:
-        """Take the step if energy and inertia fall together: new energy, whether the next tangent is exact, whether stuck."""
-        problem = self.problem
-        turn = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
+    def _move(self, energy: float, slope: float, step: np.ndarray, turn: float) -> tuple[float, float]:
+        """Go along the step while energy and inertia fall together: how far (0: not at all) and the new energy."""
+        problem, old = self.problem, self.state
         t = min(1.0, 1.0 / max(turn, 1e-300))
-        t *= problem.max_step(self.state, t * step)
-        slope = float(g @ step)
-        trial = self.state.with_u(self.state.u + t * step)
-        new = problem.energy(trial, 1.0)  # inertia included, zero at the present state
-        if not new <= energy + 1e-4 * t * slope:
-            self.dt *= 0.5 if np.isfinite(new) and new < energy else 0.25
-            self._anchor()
-            return energy, False, self.dt < 1e-9
-        ratio = (energy - new) / (-slope * t * (1 - 0.5 * t))
-        self.state = problem.shell.accept(trial) if t * turn > self.options.renew else trial
-        if t == 1.0 and ratio > 0.5:
-            self.dt = min(2.0 * self.dt, self.options.max_dt)
-        elif ratio < 0.25:
-            self.dt *= 0.7
+        t *= problem.max_step(old, t * step)
+
+        def at(t):
+            trial = old.with_u(old.u + t * step)
+            return problem.energy(trial, 1.0), trial  # inertia included, zero at the present state
+
+        new, trial = at(t)
+        if new <= energy + 1e-4 * t * slope:
+            while t >= 1.0 and new < energy + 0.6 * t * slope and 2.0 * t * turn < 1.0:  # the safe tangent is too stiff
+                further, beyond = at(2.0 * t)
+                if not further < new or problem.max_step(old, 2.0 * t * step) < 1.0:
+                    break
+                t, new, trial = 2.0 * t, further, beyond
+        while not new <= energy + 1e-4 * t * slope:
+            excess = new - energy - t * slope
+            t *= min(max(-0.5 * slope * t / excess, 0.1), 0.5) if np.isfinite(excess) else 0.25
+            if t < 1e-4:
+                return 0.0, energy
+            new, trial = at(t)
+        moved = np.abs(trial.u[problem.shell.alpha_offset:]).max(initial=0.0)
+        self.state = problem.shell.accept(trial) if moved > self.options.renew else trial
         self._anchor()
-        return problem.energy(self.state, 1.0), bool(t == 1.0 and ratio > 0.7 and turn < 0.1), False
+        return t, problem.energy(self.state, 1.0)
 
     def _finish(self, energy: float) -> bool:
         """Newton's method without inertia; kept only if it converges to an energy that is not above the present one."""
