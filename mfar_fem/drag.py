@@ -1,8 +1,8 @@
 r"""Drag of the air, quadratic in the velocity relative to it.
 
 :class:`AirDrag`, the default, acts per area: :math:`-\gamma_n |v_n| v_n` along the normal and :math:`-\gamma_t |v_t| v_t` along
-the sheet, N/m²; :math:`v` is relative to the air. It does not change with the mesh. :class:`VertexDrag` is formula (16) of the silk paper,
-:math:`-\gamma |v| v` at every *vertex*: refine the mesh and the drag grows with the number of vertices.
+the sheet, N/m²; :math:`v` is relative to the air. It does not change with the mesh. :class:`VertexDrag` is formula (16) of the silk
+paper, :math:`-\gamma |v| v` at every *vertex*: refine the mesh and the drag grows with the number of vertices.
 
 Both are derivatives of a convex dissipation potential :math:`D(v)` once the normals are those of the predicted configuration; the
 incremental potential is :math:`D(v(x)) / c_v` with :math:`v = c_v (x - x_v)`.
@@ -55,6 +55,7 @@ class AirDrag:
 
     def bind(self, shell: Shell) -> None:
         """Prepare the quadrature."""
+        self._rule = None
         self.element_dofs = shell.element_dofs[:, : 3 * shell.surface.elements.shape[1]]
         self._weights, self._N, self._dN = element_quadrature(shell)
 
@@ -114,6 +115,7 @@ class VertexDrag:
 
     def bind(self, shell: Shell) -> None:
         """One block a vertex (mid-side nodes are no vertices)."""
+        self._rule = None
         self._vertices = np.arange(len(shell.surface.vertices))
         self.element_dofs = 3 * self._vertices[:, None] + np.arange(3)
 

@@ -1,4 +1,4 @@
-"""Levels of effort: one object that sets shell order, mesh, time step, tolerance and linear solver, each of which can be overridden."""
+"""Levels of effort: one object that sets shell order, mesh, time step, tolerance and linear solver; each can be overridden."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ LEVELS = {
     "standard": Fidelity("standard", 1, 40, 2e-3),
     "reference": Fidelity("reference", 2, 40, 2e-3),
 }
-"""The levels of scenes. Virtual tests have tables of their own: a drape test is of order 2 at every level, since order 1 is too stiff."""
+"""The levels of scenes. Virtual tests have their own: a drape test is of order 2 at every level, since order 1 is too stiff."""
 
 
 def fidelity(name: str, **changes) -> Fidelity:

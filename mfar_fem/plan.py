@@ -31,19 +31,33 @@ def plan(scene: Scene, measure: bool = True) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``terms`` (name, on, why, estimate), ``scales``, ``mesh``, ``unknowns``, ``matrix_entries``, ``memory_MB``, ``seconds`` (None
-        without ``measure``) and how they were found.
+        ``terms`` (name, on, why, estimate), ``scales``, ``mesh``, ``unknowns``, ``matrix_entries``, ``memory_MB``, ``seconds``
+        (None without ``measure``) and how they were found.
     """
     surface = scene.surface()
     area = float(surface.areas.sum())
     scales = _scales(scene, surface, area)
-    terms = [{"name": t.name, "on": t.on, "why": t.why, "estimate": _estimate(t.name, t.on, scene, surface, scales)} for t in scene.explain()]
+    terms = [
+        {"name": t.name, "on": t.on, "why": t.why, "estimate": _estimate(t.name, t.on, scene, surface, scales)}
+        for t in scene.explain()
+    ]
     found: dict[str, Any] = {
-        "scene": scene.name, "fabric": scene.fabric.name, "fidelity": scene.level.name, "order": scene.level.order,
-        "analysis": "to rest" if scene.to_rest else f"{scene.duration:g} s in steps of {1e3 * scene.level.dt:g} ms, {scene.level.method}",
-        "terms": terms, "scales": scales,
-        "mesh": {"vertices": len(surface.vertices), "triangles": len(surface.triangles), "edges": len(surface.edges),
-                 "size_m": float(np.median(surface.edge_lengths))}}
+        "scene": scene.name,
+        "fabric": scene.fabric.name,
+        "fidelity": scene.level.name,
+        "order": scene.level.order,
+        "analysis": "to rest"
+        if scene.to_rest
+        else f"{scene.duration:g} s in steps of {1e3 * scene.level.dt:g} ms, {scene.level.method}",
+        "terms": terms,
+        "scales": scales,
+        "mesh": {
+            "vertices": len(surface.vertices),
+            "triangles": len(surface.triangles),
+            "edges": len(surface.edges),
+            "size_m": float(np.median(surface.edge_lengths)),
+        },
+    }
     cost = _cost_positions(scene, surface, measure) if scene.level.order == 0 else _cost_elements(scene, surface, measure)
     return found | cost
 
@@ -61,21 +75,34 @@ def _scales(scene: Scene, surface, area: float) -> dict[str, Any]:
     stretch = weight * size / stiffness
     gravity = weight * area * size
     return {
-        "size": size, "area": area, "mass": fabric.areal_density * area, "weight_per_area": weight, "membrane_stiffness": stiffness,
-        "shear_stiffness": shear, "bending_rigidity": B, "bending_length": bending_length,
-        "stretch_under_own_weight": stretch, "gravity_energy": gravity, "membrane_energy": 0.5 * weight * size * stretch * area,
-        "bending_energy": 0.5 * B / bending_length**2 * area, "kinetic_energy": gravity,
-        "slowest_period": 2 * math.pi / HANGING * math.sqrt(size / g), "fall_speed": math.sqrt(2 * g * size),
+        "size": size,
+        "area": area,
+        "mass": fabric.areal_density * area,
+        "weight_per_area": weight,
+        "membrane_stiffness": stiffness,
+        "shear_stiffness": shear,
+        "bending_rigidity": B,
+        "bending_length": bending_length,
+        "stretch_under_own_weight": stretch,
+        "gravity_energy": gravity,
+        "membrane_energy": 0.5 * weight * size * stretch * area,
+        "bending_energy": 0.5 * B / bending_length**2 * area,
+        "kinetic_energy": gravity,
+        "slowest_period": 2 * math.pi / HANGING * math.sqrt(size / g),
+        "fall_speed": math.sqrt(2 * g * size),
         "terminal_speed": None if scene.air is None or not scene.air.normal else math.sqrt(weight / scene.air.normal),
-        "wave_time_of_a_cell": float(np.median(surface.edge_lengths)) * math.sqrt(fabric.areal_density / stiffness)}
+        "wave_time_of_a_cell": float(np.median(surface.edge_lengths)) * math.sqrt(fabric.areal_density / stiffness),
+    }
 
 
 def _estimate(name: str, on: bool, scene: Scene, surface, s: dict[str, Any]) -> str:
     """What the term amounts to, or what leaving it out costs."""
     cell = float(np.median(surface.edge_lengths))
     if name == "membrane":
-        return (f"stretch under its own weight {100 * s['stretch_under_own_weight']:.2g} %; energy {s['membrane_energy']:.2g} J beside "
-                f"{s['gravity_energy']:.2g} J of gravity")
+        return (
+            f"stretch under its own weight {100 * s['stretch_under_own_weight']:.2g} %; energy {s['membrane_energy']:.2g} J beside "
+            f"{s['gravity_energy']:.2g} J of gravity"
+        )
     if name == "bending":
         length = 1e3 * s["bending_length"]
         resolved = "" if cell < s["bending_length"] else f", below the mesh size {1e3 * cell:.2g} mm: folds are not resolved"
@@ -84,7 +111,8 @@ def _estimate(name: str, on: bool, scene: Scene, surface, s: dict[str, Any]) -> 
         return f"bending length {length:.2g} mm{resolved}; energy {100 * ratio:.2g} % of gravity's; {cost}"
     if name == "inertia":
         if not on:
-            return f"left out: the way to rest ({s['slowest_period']:.2g} s a swing) is not that of the cloth, and of several rest states another may be found"
+            swing = f"{s['slowest_period']:.2g} s a swing"
+            return f"left out: the way to rest ({swing}) is not that of the cloth, and of several rest states another may be found"
         steps = s["slowest_period"] / scene.level.dt
         return f"slowest swing about {s['slowest_period']:.2g} s ({steps:.0f} steps); falls at up to {s['fall_speed']:.2g} m/s"
     if name == "drag":
@@ -93,8 +121,8 @@ def _estimate(name: str, on: bool, scene: Scene, surface, s: dict[str, Any]) -> 
             return f"terminal speed {s['terminal_speed']:.2g} m/s; at {s['fall_speed']:.2g} m/s it is {share:.1f} times the weight"
         if not scene.to_rest:
             v = math.sqrt(s["weight_per_area"] / 0.6)
-            return (f"left out: a sheet of {1e3 * scene.fabric.areal_density:.0f} g/m² falls flat at {v:.2g} m/s at most in air; without it motion "
-                    "decays only by the integrator's own damping")
+            sheet = f"a sheet of {1e3 * scene.fabric.areal_density:.0f} g/m²"
+            return f"left out: {sheet} falls flat at {v:.2g} m/s at most in air; without it only the integrator damps"
         return "no motion, no drag"
     if name == "damping":
         return "" if on else "left out: the fabric itself loses nothing (implicit Euler still does, see the defect in history.csv)"
@@ -102,7 +130,9 @@ def _estimate(name: str, on: bool, scene: Scene, surface, s: dict[str, Any]) -> 
         if not on:
             return "left out at no cost: there is nothing to touch"
         reach = sum(int(np.sum(b.signed_distance(surface.vertices, 0.0)[0] < s["size"])) for b in scene.bodies)
-        return f"up to {reach} of {len(surface.vertices)} vertices can reach a body; begins {1e3 * scene.contact.distance:.2g} mm away"
+        return (
+            f"up to {reach} of {len(surface.vertices)} vertices can reach a body; begins {1e3 * scene.contact.distance:.2g} mm away"
+        )
     if name == "self-contact":
         return "" if on else "left out: folds may pass through each other, and the result does not tell"
     if name == "gravity":
@@ -120,16 +150,29 @@ def _cost_elements(scene: Scene, surface, measure: bool) -> dict[str, Any]:
         loads.append(Inertia(scene.fabric.areal_density, "lumped" if scene.level.order == 1 else "consistent"))
     problem = Problem(surface, scene.fabric, scene.supports(surface), loads, bending=scene.bending)
     n, entries = len(problem.free), problem.pattern.nnz
-    fill = 5.5 * entries * max(1.0, math.log2(max(n, 2)) / 10)  # of a sparse factor of a surface mesh, measured on 2k to 100k unknowns
+    fill = (
+        5.5 * entries * max(1.0, math.log2(max(n, 2)) / 10)
+    )  # of a sparse factor of a surface mesh, measured on 2k to 100k unknowns
     memory = (8.0 * (3 * entries + fill) + 4.0 * sum(p.size for p in problem.pattern.positions)) / 1e6
     steps = None if scene.to_rest else math.ceil(scene.duration / scene.level.dt)  # type: ignore[operator]
     iterations = REST_ITERATIONS if steps is None else STEP_ITERATIONS[scene.has_contact] * steps
-    found: dict[str, Any] = {"unknowns": n, "edge_unknowns": problem.shell.n_alpha, "matrix_entries": entries, "memory_MB": memory,
-                             "steps": steps, "iterations_expected": iterations, "seconds": None}
+    found: dict[str, Any] = {
+        "unknowns": n,
+        "edge_unknowns": problem.shell.n_alpha,
+        "matrix_entries": entries,
+        "memory_MB": memory,
+        "steps": steps,
+        "iterations_expected": iterations,
+        "seconds": None,
+    }
     if measure:
         once = _one_iteration(problem)
-        found |= {"assembly_s": once[0], "solve_s": once[1], "seconds": iterations * (1.15 * once[0] + once[1]) * (1.4 if scene.has_contact else 1.0),
-                  "seconds_from": "one assembly and one factorisation timed now, times the iterations usual for such scenes (within a factor of 2)"}
+        found |= {
+            "assembly_s": once[0],
+            "solve_s": once[1],
+            "seconds": iterations * (1.15 * once[0] + once[1]) * (1.4 if scene.has_contact else 1.0),
+            "seconds_from": "one assembly and one factorisation timed now, times the usual iterations: within a factor of 2",
+        }
     return found
 
 
@@ -164,9 +207,16 @@ def _cost_positions(scene: Scene, surface, measure: bool) -> dict[str, Any]:
     duration = 10.0 if scene.to_rest else scene.duration
     engine = PositionLevel(replace(scene, duration=duration))
     steps = math.ceil(duration / scene.level.dt)  # type: ignore[operator]
-    found: dict[str, Any] = {"unknowns": 3 * len(surface.vertices), "edge_unknowns": 0, "matrix_entries": 0,
-                             "memory_MB": 8e-6 * 120 * len(surface.triangles), "steps": steps, "substeps": engine.model.substeps,
-                             "iterations_expected": float(steps * engine.model.substeps), "seconds": None}
+    found: dict[str, Any] = {
+        "unknowns": 3 * len(surface.vertices),
+        "edge_unknowns": 0,
+        "matrix_entries": 0,
+        "memory_MB": 8e-6 * 120 * len(surface.triangles),
+        "steps": steps,
+        "substeps": engine.model.substeps,
+        "iterations_expected": float(steps * engine.model.substeps),
+        "seconds": None,
+    }
     if measure:
         engine.model.step()
         begin = clock.perf_counter()

@@ -1,10 +1,11 @@
-"""A scene: sheets, fabric, supports, loads, bodies, duration or "to rest". Declared, not computed; which energies exist follows from it."""
+"""A scene: sheets, fabric, supports, loads, bodies, duration or "to rest". It is declared; which energies exist follows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,8 +17,6 @@ from mfar_fem.materials.fabric import Fabric
 from mfar_fem.sheet import Sheet, build_surface
 from mfar_fem.supports import Clamp, Hinge, Support
 from mfar_fem.surface.mesh import Surface
-
-SHEET_AND_BODIES_APART = "a scene without bodies and self-contact searches nothing"
 
 
 @dataclass(frozen=True)
@@ -189,7 +188,7 @@ class Scene:
         if self.duration is None and any(h.release is not None for h in self.holds):
             raise InputError(f"scene '{self.name}': a support is let go at a time, but the scene runs to rest: give it a duration")
         times = [t for t, _ in self.schedule]
-        if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(times)):
             raise InputError(f"scene '{self.name}': the times of the schedule must increase, got {times}")
 
     def with_level(self, level: Fidelity) -> Scene:
@@ -218,19 +217,36 @@ class Scene:
         air = self.air is not None and self.air.on and not self.to_rest
         return [
             Term("membrane", True, "a sheet always stretches and shears"),
-            Term("bending", self.bending, "on unless the scene says bending = false" if self.bending else
-                 "off by bending = false: no edge unknowns"),
+            Term(
+                "bending",
+                self.bending,
+                "on unless the scene says bending = false" if self.bending else "off by bending = false: no edge unknowns",
+            ),
             Term("gravity", self.has_gravity, "gravity is not zero" if self.has_gravity else "gravity is zero"),
             Term("pressure", self.pressure != 0, "a pressure is given" if self.pressure else "no pressure given"),
             Term("inertia", not self.to_rest, moving),
-            Term("drag", air, "[air] has coefficients" if air else ("at rest nothing moves through the air" if self.to_rest else
-                                                                    "no [air] in the scene")),
-            Term("damping", not self.to_rest and (self.mass_damping > 0 or self.stiffness_damping > 0),
-                 "damping coefficients are given" if self.mass_damping or self.stiffness_damping else "no damping given"),
-            Term("contact with bodies", bool(self.bodies), ", ".join(b.name for b in self.bodies) if self.bodies else
-                 "no bodies: no search tree"),
-            Term("self-contact", self.contact.self_contact, "asked for" if self.contact.self_contact else
-                 "not asked for ([contact] self = true)"),
+            Term(
+                "drag",
+                air,
+                "[air] has coefficients"
+                if air
+                else ("at rest nothing moves through the air" if self.to_rest else "no [air] in the scene"),
+            ),
+            Term(
+                "damping",
+                not self.to_rest and (self.mass_damping > 0 or self.stiffness_damping > 0),
+                "damping coefficients are given" if self.mass_damping or self.stiffness_damping else "no damping given",
+            ),
+            Term(
+                "contact with bodies",
+                bool(self.bodies),
+                ", ".join(b.name for b in self.bodies) if self.bodies else "no bodies: no search tree",
+            ),
+            Term(
+                "self-contact",
+                self.contact.self_contact,
+                "asked for" if self.contact.self_contact else "not asked for ([contact] self = true)",
+            ),
         ]
 
     def surface(self, order: int | None = None) -> Surface:

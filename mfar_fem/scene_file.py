@@ -1,4 +1,4 @@
-"""Scene files (TOML): quantities are strings with a unit, errors name file, line and key. See ``mfar plan`` and ``mfar simulate``."""
+"""Scene files (TOML): quantities are strings with a unit, errors name file, line and key."""
 
 from __future__ import annotations
 
@@ -18,12 +18,46 @@ from mfar_fem.scene import Air, Contact, Hold, Output, Scene
 from mfar_fem.sheet import KINDS, Sheet
 from mfar_fem.tomlfile import TomlFile, suggest
 
-_TOP = ("name", "fabric", "sheet", "support", "body", "duration", "to_rest", "gravity", "pressure", "air", "damping", "contact", "bending",
-        "schedule", "velocity", "perturbation", "fidelity", "numerics", "output", "description")
-_NUMERICS = {"order": None, "cells": None, "mesh_size": "m", "dt": "s", "method": None, "rtol": None, "linear_solver": None,
-             "substeps": None, "tolerance": "m"}
-_BODIES = {"plane": ("point", "normal", "extent"), "sphere": ("centre", "radius"), "cylinder": ("centre", "axis", "radius", "length"),
-           "disc": ("centre", "normal", "radius", "thickness"), "mesh": ("file", "scale")}
+_TOP = (
+    "name",
+    "fabric",
+    "sheet",
+    "support",
+    "body",
+    "duration",
+    "to_rest",
+    "gravity",
+    "pressure",
+    "air",
+    "damping",
+    "contact",
+    "bending",
+    "schedule",
+    "velocity",
+    "perturbation",
+    "fidelity",
+    "numerics",
+    "output",
+    "description",
+)
+_NUMERICS = {
+    "order": None,
+    "cells": None,
+    "mesh_size": "m",
+    "dt": "s",
+    "method": None,
+    "rtol": None,
+    "linear_solver": None,
+    "substeps": None,
+    "tolerance": "m",
+}
+_BODIES = {
+    "plane": ("point", "normal", "extent"),
+    "sphere": ("centre", "radius"),
+    "cylinder": ("centre", "axis", "radius", "length"),
+    "disc": ("centre", "normal", "radius", "thickness"),
+    "mesh": ("file", "scale"),
+}
 
 
 def load_scene(source: str | os.PathLike, fidelity: str | None = None, **overrides: Any) -> Scene:
@@ -75,12 +109,21 @@ def read_scene(file: TomlFile, fidelity: str | None = None, **overrides: Any) ->
     scene = dict(
         name=file.get("name", default=Path(str(file.path)).stem if file.path else "scene", kind=str),
         sheets=tuple(_sheet(file, str(i)) for i in range(_count(file, "sheet", least=1))),
-        fabric=_fabric(file), duration=duration,
+        fabric=_fabric(file),
+        duration=duration,
         holds=tuple(_hold(file, str(i)) for i in range(_count(file, "support"))),
         bodies=tuple(_body(file, str(i)) for i in range(_count(file, "body"))),
-        gravity=_gravity(file), pressure=file.quantity("pressure", unit="N/m^2", default=0.0), air=_air(file),
-        contact=_contact(file), bending=file.get("bending", default=True, kind=bool), schedule=_schedule(file),
-        velocity=_vector(file, "velocity", unit="m/s", default=(0.0, 0.0, 0.0)), level=level, output=_output(file), tolerance=tolerance)
+        gravity=_gravity(file),
+        pressure=file.quantity("pressure", unit="N/m^2", default=0.0),
+        air=_air(file),
+        contact=_contact(file),
+        bending=file.get("bending", default=True, kind=bool),
+        schedule=_schedule(file),
+        velocity=_vector(file, "velocity", unit="m/s", default=(0.0, 0.0, 0.0)),
+        level=level,
+        output=_output(file),
+        tolerance=tolerance,
+    )
     scene |= _damping(file) | _perturbation(file)
     try:
         return Scene(**scene)
@@ -110,8 +153,12 @@ def _vector(file: TomlFile, *keys: str, unit: str | None = None, default: Any = 
         if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in value):
             raise file.error(f"must hold {size} numbers, not {value!r}", *keys)
         return tuple(float(v) for v in value)
-    return tuple(0.0 if v == 0 and not isinstance(v, bool | str) else
-                 units.parse(v, unit, name=".".join(keys), path=file.path, line=file.line(*keys)) for v in value)
+    return tuple(
+        0.0
+        if v == 0 and not isinstance(v, bool | str)
+        else units.parse(v, unit, name=".".join(keys), path=file.path, line=file.line(*keys))
+        for v in value
+    )
 
 
 def _level(file: TomlFile, name: str | None, overrides: Mapping[str, Any]) -> tuple[Fidelity, float | None]:
@@ -152,7 +199,9 @@ def _fabric(file: TomlFile) -> Fabric:
 
 def _sheet(file: TomlFile, n: str) -> Sheet:
     here = ("sheet", n)
-    file.check_keys(here, ("kind", "size", "radius", "inner", "outer", "at", "turn", "warp", "centred", "file", "scale", "pattern", "name"))
+    file.check_keys(
+        here, ("kind", "size", "radius", "inner", "outer", "at", "turn", "warp", "centred", "file", "scale", "pattern", "name")
+    )
     kind = file.get(*here, "kind", kind=str)
     if kind not in KINDS:
         raise file.error(f"unknown sheet '{kind}'{suggest(kind, KINDS)}", *here, "kind")
@@ -168,10 +217,18 @@ def _sheet(file: TomlFile, n: str) -> Sheet:
         path = _path(file, *here, "file")
     zero = (0.0, 0.0, 0.0)
     try:
-        return Sheet(kind, size, _vector(file, *here, "at", unit="m", default=zero), _vector(file, *here, "turn", unit="rad", default=zero),
-                     _vector(file, *here, "warp", default=(1.0, 0.0, 0.0)), file.get(*here, "centred", default=False, kind=bool), path,
-                     _number(file, *here, "scale", default=1.0), file.get(*here, "pattern", default="union", kind=str),
-                     file.get(*here, "name", default="", kind=str))
+        return Sheet(
+            kind,
+            size,
+            _vector(file, *here, "at", unit="m", default=zero),
+            _vector(file, *here, "turn", unit="rad", default=zero),
+            _vector(file, *here, "warp", default=(1.0, 0.0, 0.0)),
+            file.get(*here, "centred", default=False, kind=bool),
+            path,
+            _number(file, *here, "scale", default=1.0),
+            file.get(*here, "pattern", default="union", kind=str),
+            file.get(*here, "name", default="", kind=str),
+        )
     except DataFileError:
         raise
     except MfarError as error:
@@ -208,8 +265,13 @@ def _hold(file: TomlFile, n: str) -> Hold:
     components = file.get(*here, "components", default="xyz", kind=str)
     if not components or set(components) - set("xyz"):
         raise file.error(f"must be made of x, y, z, not '{components}'", *here, "components")
-    return Hold(where, kind, _vector(file, *here, "move", unit="m", default=(0.0, 0.0, 0.0)),
-                file.quantity(*here, "release", unit="s", default=None), tuple("xyz".index(c) for c in components))
+    return Hold(
+        where,
+        kind,
+        _vector(file, *here, "move", unit="m", default=(0.0, 0.0, 0.0)),
+        file.quantity(*here, "release", unit="s", default=None),
+        tuple("xyz".index(c) for c in components),
+    )
 
 
 def _body(file: TomlFile, n: str):
@@ -220,8 +282,11 @@ def _body(file: TomlFile, n: str):
     if kind not in _BODIES:
         raise file.error(f"unknown body '{kind}'{suggest(kind, _BODIES)}", *here, "kind")
     file.check_keys(here, ("kind", "name", "friction", "motion", *_BODIES[kind]))
-    options: dict[str, Any] = {"name": file.get(*here, "name", default=kind if n == "0" else f"{kind} {int(n) + 1}", kind=str),
-                               "friction": _number(file, *here, "friction", default=0.0), "motion": _motion(file, here)}
+    options: dict[str, Any] = {
+        "name": file.get(*here, "name", default=kind if n == "0" else f"{kind} {int(n) + 1}", kind=str),
+        "friction": _number(file, *here, "friction", default=0.0),
+        "motion": _motion(file, here),
+    }
     for key in _BODIES[kind]:
         if key in ("point", "centre"):
             options[key] = _vector(file, *here, key, unit="m", default=(0.0, 0.0, 0.0))
@@ -259,9 +324,17 @@ def _motion(file: TomlFile, body: tuple[str, ...]):
             out.append(_vector(text, "row", unit=unit))
         return out
 
-    times = [units.parse(t, "s", name="times", path=file.path, line=file.line(*here, "times")) for t in file.get(*here, "times", kind=list)]
+    times = [
+        units.parse(t, "s", name="times", path=file.path, line=file.line(*here, "times"))
+        for t in file.get(*here, "times", kind=list)
+    ]
     try:
-        return Motion(times, rows("translations", "m"), rows("rotations", "rad"), _vector(file, *here, "pivot", unit="m", default=(0., 0., 0.)))
+        return Motion(
+            times,
+            rows("translations", "m"),
+            rows("rotations", "rad"),
+            _vector(file, *here, "pivot", unit="m", default=(0.0, 0.0, 0.0)),
+        )
     except DataFileError:
         raise
     except MfarError as error:
@@ -280,41 +353,55 @@ def _air(file: TomlFile) -> Air | None:
         return None
     file.check_keys(("air",), ("normal", "tangential", "velocity", "per_vertex"))
     default = Air()
-    return Air(file.quantity("air", "normal", unit="kg/m^3", default=default.normal),
-               file.quantity("air", "tangential", unit="kg/m^3", default=default.tangential),
-               _vector(file, "air", "velocity", unit="m/s", default=(0.0, 0.0, 0.0)),
-               file.quantity("air", "per_vertex", unit="kg/m", default=0.0))
+    return Air(
+        file.quantity("air", "normal", unit="kg/m^3", default=default.normal),
+        file.quantity("air", "tangential", unit="kg/m^3", default=default.tangential),
+        _vector(file, "air", "velocity", unit="m/s", default=(0.0, 0.0, 0.0)),
+        file.quantity("air", "per_vertex", unit="kg/m", default=0.0),
+    )
 
 
 def _contact(file: TomlFile) -> Contact:
     if "contact" not in file.data:
         return Contact()
     file.check_keys(("contact",), ("distance", "self", "self_friction"))
-    return Contact(file.quantity("contact", "distance", unit="m", default=1e-3), file.get("contact", "self", default=False, kind=bool),
-                   _number(file, "contact", "self_friction", default=0.0))
+    return Contact(
+        file.quantity("contact", "distance", unit="m", default=1e-3),
+        file.get("contact", "self", default=False, kind=bool),
+        _number(file, "contact", "self_friction", default=0.0),
+    )
 
 
 def _damping(file: TomlFile) -> dict[str, float]:
     if "damping" not in file.data:
         return {}
     file.check_keys(("damping",), ("mass", "stiffness"))
-    return {"mass_damping": file.quantity("damping", "mass", unit="1/s", default=0.0),
-            "stiffness_damping": file.quantity("damping", "stiffness", unit="s", default=0.0)}
+    return {
+        "mass_damping": file.quantity("damping", "mass", unit="1/s", default=0.0),
+        "stiffness_damping": file.quantity("damping", "stiffness", unit="s", default=0.0),
+    }
 
 
 def _perturbation(file: TomlFile) -> dict[str, tuple[float, int]]:
     if "perturbation" not in file.data:
         return {}
     file.check_keys(("perturbation",), ("amplitude", "seed"))
-    return {"perturbation": (file.quantity("perturbation", "amplitude", unit="m"), int(file.get("perturbation", "seed", default=0, kind=int)))}
+    return {
+        "perturbation": (
+            file.quantity("perturbation", "amplitude", unit="m"),
+            int(file.get("perturbation", "seed", default=0, kind=int)),
+        )
+    }
 
 
 def _schedule(file: TomlFile) -> tuple[tuple[float, float], ...]:
     if "schedule" not in file.data:
         return ()
     file.check_keys(("schedule",), ("times", "factors"))
-    times = [units.parse(t, "s", name="schedule.times", path=file.path, line=file.line("schedule", "times"))
-             for t in file.get("schedule", "times", kind=list)]
+    times = [
+        units.parse(t, "s", name="schedule.times", path=file.path, line=file.line("schedule", "times"))
+        for t in file.get("schedule", "times", kind=list)
+    ]
     factors = file.get("schedule", "factors", kind=list)
     if len(times) != len(factors) or not all(isinstance(f, int | float) for f in factors):
         raise file.error(f"needs a number for each of the {len(times)} times", "schedule", "factors")

@@ -167,7 +167,9 @@ def _key_lines(text: str) -> dict[tuple[str, ...], int]:
                             break
                 found.setdefault(table, number)
             elif key := _KEY.match(line):
-                found.setdefault(table + _split(key[1]), number)
+                path = table + _split(key[1])
+                found.setdefault(path, number)
+                found.setdefault(tuple(k for k in path if not k.isdigit()), number)  # of [[table]] the first
         for quotes in ('"""', "'''"):
             if inside in (None, quotes) and line.count(quotes) % 2:
                 inside = None if inside else quotes

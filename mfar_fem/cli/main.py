@@ -26,9 +26,12 @@ ENTRY_POINT_GROUP = "mfar.commands"
 SHORT_HELP = {
     "materials": "Constitutive laws: list them, plot one, check one (also your own).",
     "fabrics": "Fabric presets and fabric files: list them, show every number with its source.",
-    "test": "Virtual textile tests: strip (ASTM D5035), cantilever (ASTM D1388).",
+    "test": "Virtual textile tests: strip, cantilever, drape, swing, shear, wrinkles, inflation.",
     "calibrate": "Fit laws to measured curves by inverse finite elements and write a report.",
     "validate": "Compare a fabric's prediction with measured curves, without fitting.",
+    "plan": "Say what a scene computes and why, and what it will take, before it runs.",
+    "simulate": "Run a scene file: motion in time, contact, drape; survives a kill.",
+    "tradeoff": "Time, memory and error of a scene at every level, with a recommendation.",
     "benchmark": "Shell benchmarks with exact or published references, and timings.",
     "study": "Longer studies: synthetic round trip, every law on the cupro curves, sensitivities.",
     "mesh": "Triangle meshes: check one, convert it, make strips, discs and annuli.",

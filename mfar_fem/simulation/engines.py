@@ -61,10 +61,22 @@ class FiniteElements:
         self.scene, self.surface = scene, scene.surface()
         level = scene.level
         self.options = DynamicsOptions(
-            method=level.method, dt=level.dt, rtol=level.rtol, mass_damping=scene.mass_damping,
-            stiffness_damping=scene.stiffness_damping, tolerance=scene.tolerance, linear_solver=level.linear_solver,
-            mass="lumped" if level.order == 1 else "consistent")
-        self.totals: dict[str, Any] = {"newton_iterations": 0, "wasted_iterations": 0, "halvings": 0, "assembly_s": 0.0, "solve_s": 0.0}
+            method=level.method,
+            dt=level.dt,
+            rtol=level.rtol,
+            mass_damping=scene.mass_damping,
+            stiffness_damping=scene.stiffness_damping,
+            tolerance=scene.tolerance,
+            linear_solver=level.linear_solver,
+            mass="lumped" if level.order == 1 else "consistent",
+        )
+        self.totals: dict[str, Any] = {
+            "newton_iterations": 0,
+            "wasted_iterations": 0,
+            "halvings": 0,
+            "assembly_s": 0.0,
+            "solve_s": 0.0,
+        }
         self.notes: list[str] = []
         self.dynamics = self._phase(0.0)
         nodes = scene.start_nodes(self.surface, scene.supports(self.surface))
@@ -74,9 +86,22 @@ class FiniteElements:
     def _phase(self, time: float, nodes: np.ndarray | None = None, motion: Motion | None = None) -> Dynamics:
         scene = self.scene
         start = None if nodes is None else self.dynamics.problem.state_at(nodes)
-        velocity = np.broadcast_to(np.asarray(scene.velocity, dtype=float), self.surface.nodes.shape) if any(scene.velocity) else None
-        found = Dynamics(self.surface, scene.fabric, scene.supports(self.surface, time), scene.loads(), scene.drag(), scene.barrier(),
-                         self.options, scene.bending, scene.factor if scene.schedule else None, start, velocity)
+        velocity = (
+            np.broadcast_to(np.asarray(scene.velocity, dtype=float), self.surface.nodes.shape) if any(scene.velocity) else None
+        )
+        found = Dynamics(
+            self.surface,
+            scene.fabric,
+            scene.supports(self.surface, time),
+            scene.loads(),
+            scene.drag(),
+            scene.barrier(),
+            self.options,
+            scene.bending,
+            scene.factor if scene.schedule else None,
+            start,
+            velocity,
+        )
         if motion is not None:
             found.resume(motion)
             if scene.has_contact:
@@ -96,16 +121,20 @@ class FiniteElements:
         return self.dynamics.contact
 
     def advance(self, until: float, report: Report) -> Advance:
-        for stop in [*(t for t in self.scene.releases() if self.time < t < until), until]:
+        for stop in [*(t for t in self.scene.releases() if self._time < t < until), until]:
             result = self.dynamics.run(stop, lambda record: report(_row(record)))
-            for key, value in (("newton_iterations", result.newton_iterations), ("wasted_iterations", result.wasted_iterations),
-                               ("halvings", result.halvings), ("assembly_s", result.timings["assembly"]),
-                               ("solve_s", result.timings["solve"])):
+            for key, value in (
+                ("newton_iterations", result.newton_iterations),
+                ("wasted_iterations", result.wasted_iterations),
+                ("halvings", result.halvings),
+                ("assembly_s", result.timings["assembly"]),
+                ("solve_s", result.timings["solve"]),
+            ):
                 self.totals[key] += value
             self.notes += [n for n in result.notes if n not in self.notes]
             if not result.converged:
                 return Advance(result.status, result.message, self.time)
-            if any(abs(stop - t) < 1e-12 for t in self.scene.releases()):
+            if stop in self.scene.releases():
                 self.dynamics = self._phase(stop, motion=self.dynamics.motion)
         return Advance("converged", "", self.time)
 
@@ -129,11 +158,23 @@ class FiniteElements:
         return found
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        kinematics = Kinematics(**{f.name: (float(v) if f.name == "dt_old" else v)
-                                   for f in fields(Kinematics) if (v := state.get(f"k_{f.name}")) is not None})
+        kinematics = Kinematics(
+            **{
+                f.name: (float(v) if f.name == "dt_old" else v)
+                for f in fields(Kinematics)
+                if (v := state.get(f"k_{f.name}")) is not None
+            }
+        )
         strain = tuple(state[f"strain_{i}"] for i in range(sum(k.startswith("strain_") for k in state)))
-        motion = Motion(float(state["motion_time"]), State(state["u"], state["directors"]), kinematics, float(state["motion_dt"]),
-                        int(state["motion_step"]), strain, *(float(state[f"motion_{k}"]) for k in ("dissipated", "work", "first_energy")))
+        motion = Motion(
+            float(state["motion_time"]),
+            State(state["u"], state["directors"]),
+            kinematics,
+            float(state["motion_dt"]),
+            int(state["motion_step"]),
+            strain,
+            *(float(state[f"motion_{k}"]) for k in ("dissipated", "work", "first_energy")),
+        )
         if float(state["phase"]) != self._time:
             self.dynamics = self._phase(float(state["phase"]))
         self.dynamics.resume(motion)
@@ -167,10 +208,23 @@ class PositionLevel:
         self._time = time
         supports = [h.support(self.surface) for h in scene.holds if h.release is None or h.release > time + 1e-12]
         ramp = next((t for t, f in scene.schedule if f == 1.0), 0.1) if scene.schedule else 0.1
-        return self._make(self.surface, scene.fabric, supports, scene.gravity, scene.bodies, level.dt, level.substeps,
-                          thickness=scene.contact.distance if scene.bodies or scene.contact.self_contact else 0.0,
-                          mass_damping=scene.mass_damping, self_contact=scene.contact.self_contact, bending=scene.bending, ramp=ramp,
-                          start=nodes, velocity=scene.velocity, **drag)
+        return self._make(
+            self.surface,
+            scene.fabric,
+            supports,
+            scene.gravity,
+            scene.bodies,
+            level.dt,
+            level.substeps,
+            thickness=scene.contact.distance if scene.bodies or scene.contact.self_contact else 0.0,
+            mass_damping=scene.mass_damping,
+            self_contact=scene.contact.self_contact,
+            bending=scene.bending,
+            ramp=ramp,
+            start=nodes,
+            velocity=scene.velocity,
+            **drag,
+        )
 
     @property
     def time(self) -> float:
@@ -180,18 +234,28 @@ class PositionLevel:
     def advance(self, until: float, report: Report) -> Advance:
         from mfar_fem.solve.position_based import PositionsNotFiniteError
 
-        for stop in [*(t for t in self.scene.releases() if self.time < t < until - 1e-12), until]:
-            steps = round((stop - self.model.time) / self.model.dt)
+        for stop in [*(t for t in self.scene.releases() if self._time < t < until - 1e-12), until]:
+            steps = max(0, round((stop - self.model.time) / self.model.dt))
             try:
                 for _ in range(steps):
                     self.model.step()
                     energy = self.model.energies()
                     speed = float(np.sqrt(np.sum(self.model.velocities**2, axis=1).max(initial=0.0)))
-                    report({"time": self.model.time, "dt": self.model.dt, "iterations": self.model.substeps, "kinetic": energy["kinetic"],
-                            "membrane": energy["membrane"], "bending": energy["bending"], "potential": energy["gravity"], "speed": speed})
+                    report(
+                        {
+                            "time": self.model.time,
+                            "dt": self.model.dt,
+                            "iterations": self.model.substeps,
+                            "kinetic": energy["kinetic"],
+                            "membrane": energy["membrane"],
+                            "bending": energy["bending"],
+                            "potential": energy["gravity"],
+                            "speed": speed,
+                        }
+                    )
             except PositionsNotFiniteError as error:
                 return Advance("NotFinite", str(error), self.time)
-            if any(abs(stop - t) < 0.5 * self.model.dt for t in self.scene.releases()):
+            if stop in self.scene.releases():
                 kept = self.model.state_dict()
                 self.model = self._phase(stop)
                 self.model.load_state_dict(kept)
@@ -215,9 +279,15 @@ class PositionLevel:
         self.model.load_state_dict(state)
 
     def summary(self) -> dict[str, Any]:
-        return {"unknowns": 3 * len(self.surface.vertices), "elements": len(self.surface.triangles), "substeps": self.model.substeps,
-                "excess_compliance": self.model.excess_compliance, "notes": [
-                    "position-based level: no residual is controlled; the membrane of a step is too soft by the excess compliance"]}
+        return {
+            "unknowns": 3 * len(self.surface.vertices),
+            "elements": len(self.surface.triangles),
+            "substeps": self.model.substeps,
+            "excess_compliance": self.model.excess_compliance,
+            "notes": [
+                "position-based level: no residual is controlled; the membrane of a step is too soft by the excess compliance"
+            ],
+        }
 
 
 def shell_fields(shell, state: State) -> dict[str, np.ndarray]:
@@ -225,8 +295,12 @@ def shell_fields(shell, state: State) -> dict[str, np.ndarray]:
     area = shell.geometry.area_weights
     total = area.sum(axis=1)
     E = np.einsum("eq,eqc->ec", area, shell.green_strain(state)) / total[:, None]
-    found = {"strain_warp": E[:, 0], "strain_weft": E[:, 1], "strain_shear": E[:, 2],
-             "membrane_energy": np.sum(area * shell.law_response(state, 0)[0], axis=1) / total}
+    found = {
+        "strain_warp": E[:, 0],
+        "strain_weft": E[:, 1],
+        "strain_shear": E[:, 2],
+        "membrane_energy": np.sum(area * shell.law_response(state, 0)[0], axis=1) / total,
+    }
     if shell.with_bending:
         found["bending_energy"] = shell.bending_energy_by_element(state) / total
     return found

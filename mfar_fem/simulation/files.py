@@ -1,4 +1,4 @@
-"""Files of a run: history, checkpoint, VTU series with its index, last state. Each is whole at any moment the process may be killed."""
+"""Files of a run: history, checkpoint, VTU series with its index, last state. Each is whole whenever the process is killed."""
 
 from __future__ import annotations
 
@@ -15,8 +15,24 @@ from mfar_fem.errors import DataFileError
 from mfar_fem.surface.io import write_mesh
 from mfar_fem.surface.mesh import Surface
 
-HISTORY = ("time", "dt", "iterations", "residual", "residual_relative", "kinetic", "membrane", "bending", "potential", "contact", "dissipated",
-           "defect", "speed", "error", "contacts", "distance")
+HISTORY = (
+    "time",
+    "dt",
+    "iterations",
+    "residual",
+    "residual_relative",
+    "kinetic",
+    "membrane",
+    "bending",
+    "potential",
+    "contact",
+    "dissipated",
+    "defect",
+    "speed",
+    "error",
+    "contacts",
+    "distance",
+)
 
 
 def replace_file(path: Path, write) -> None:
@@ -76,7 +92,9 @@ def load_checkpoint(path: Path, identity: str) -> dict[str, np.ndarray]:
     except (OSError, ValueError, EOFError) as error:
         raise DataFileError(f"is not a readable checkpoint ({error})", path=path) from error
     if str(state.pop("identity", "")) != identity:
-        raise DataFileError("belongs to another scene, fabric or level of effort: choose another --out, or run without --resume", path=path)
+        raise DataFileError(
+            "belongs to another scene, fabric or level of effort: choose another --out, or run without --resume", path=path
+        )
     return state
 
 
@@ -87,8 +105,15 @@ class Series:
         self.folder, self.entries = folder, []
         folder.mkdir(parents=True, exist_ok=True)
 
-    def add(self, number: int, time: float, surface: Surface, nodes: np.ndarray, velocities: np.ndarray,
-            fields: Mapping[str, np.ndarray]) -> Path:
+    def add(
+        self,
+        number: int,
+        time: float,
+        surface: Surface,
+        nodes: np.ndarray,
+        velocities: np.ndarray,
+        fields: Mapping[str, np.ndarray],
+    ) -> Path:
         """Write frame ``number``; order-2 sheets as their flat sub-triangles."""
         points, triangles, parent = flat(surface, nodes)
         path = self.folder / f"frame-{number:05d}.vtu"
@@ -100,8 +125,11 @@ class Series:
     def note(self, number: int, time: float) -> None:
         """List a frame in the index."""
         self.entries = [e for e in self.entries if e[0] < number] + [(number, time)]
-        rows = "\n".join(f'    <DataSet timestep="{t!r}" part="0" file="{self.folder.name}/frame-{n:05d}.vtu"/>' for n, t in self.entries)
-        text = f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n'
+        rows = "\n".join(
+            f'    <DataSet timestep="{t!r}" part="0" file="{self.folder.name}/frame-{n:05d}.vtu"/>' for n, t in self.entries
+        )
+        head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+        text = f"{head}{rows}\n  </Collection>\n</VTKFile>\n"
         replace_file(self.folder.parent / "series.pvd", lambda partial: partial.write_text(text, encoding="utf-8"))
 
 

@@ -70,8 +70,9 @@ def shade(vertices: np.ndarray, triangles: np.ndarray, towards: np.ndarray, fron
     return np.clip(colour * (0.32 + 0.68 * lit)[..., None] + shine * gloss[..., None], 0.0, 1.0)
 
 
-def render(camera: Camera, sheet: tuple[np.ndarray, np.ndarray], bodies: Sequence[tuple[np.ndarray, np.ndarray]] = (),
-           size: int = 560) -> np.ndarray:
+def render(
+    camera: Camera, sheet: tuple[np.ndarray, np.ndarray], bodies: Sequence[tuple[np.ndarray, np.ndarray]] = (), size: int = 560
+) -> np.ndarray:
     """Picture (size, size, 3), 0 to 255, of a sheet (points, flat triangles) and bodies."""
     from mfar_fem.simulation.raster import rasterise
 
@@ -84,8 +85,14 @@ def render(camera: Camera, sheet: tuple[np.ndarray, np.ndarray], bodies: Sequenc
     return (255 * image.reshape(size, 2, size, 2, 3).mean(axis=(1, 3))).astype(np.uint8)
 
 
-def draw(path: Path, camera: Camera, sheet: tuple[np.ndarray, np.ndarray], bodies: Sequence[tuple[np.ndarray, np.ndarray]] = (),
-         title: str = "", size: int = 560) -> Path:
+def draw(
+    path: Path,
+    camera: Camera,
+    sheet: tuple[np.ndarray, np.ndarray],
+    bodies: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+    title: str = "",
+    size: int = 560,
+) -> Path:
     """Render to a PNG with a title.
 
     Returns

@@ -53,33 +53,54 @@ def rest(scene: Scene, folder: Path | None, resume: bool, key: str, progress):
             progress(rows[-1] | {"until": None, "contacts": 0 if barrier is None else barrier.summary()[0]})
 
     softening = (0.1,) if scene.level.order == 2 and not scene.has_contact else ()
-    result = relax(problem, start, RestOptions(rtol=min(scene.level.rtol, 1e-6), softening=softening,
-                                               linear_solver=scene.level.linear_solver), note)
+    result = relax(
+        problem,
+        start,
+        RestOptions(rtol=min(scene.level.rtol, 1e-6), softening=softening, linear_solver=scene.level.linear_solver),
+        note,
+    )
     nodes = problem.shell.positions(result.state)
     points, triangles, parent = flat(surface, nodes)
     payload: dict[str, Any] = {
-        "scene": scene.name, "fabric": scene.fabric.name, "fidelity": scene.level.name, "order": scene.level.order,
-        "converged": result.converged, "status": result.status, "message": result.message, "stable": result.stable,
-        "negative_eigenvalues": result.negative, "escapes": result.escapes, "energy": result.energy, "membrane": result.membrane,
-        "bending": result.bending, "residual": result.residual, "residual_relative": result.residual_relative,
-        "iterations": result.iterations, "perturbation": {"amplitude": scene.perturbation[0], "seed": scene.perturbation[1]},
-        "unknowns": problem.n, "elements": len(surface.elements), "terms": {t.name: t.on for t in scene.explain()},
-        "seconds": result.timings | {"wall": clock.perf_counter() - begin}, "files": []}
+        "scene": scene.name,
+        "fabric": scene.fabric.name,
+        "fidelity": scene.level.name,
+        "order": scene.level.order,
+        "converged": result.converged,
+        "status": result.status,
+        "message": result.message,
+        "stable": result.stable,
+        "negative_eigenvalues": result.negative,
+        "escapes": result.escapes,
+        "energy": result.energy,
+        "membrane": result.membrane,
+        "bending": result.bending,
+        "residual": result.residual,
+        "residual_relative": result.residual_relative,
+        "iterations": result.iterations,
+        "perturbation": {"amplitude": scene.perturbation[0], "seed": scene.perturbation[1]},
+        "unknowns": problem.n,
+        "elements": len(surface.elements),
+        "terms": {t.name: t.on for t in scene.explain()},
+        "seconds": result.timings | {"wall": clock.perf_counter() - begin},
+        "files": [],
+    }
     if barrier is not None:
         found = barrier.report(problem.shell, result.state)
         payload["contact"] = {"pairs": found.pairs, "least_distance": found.least_distance, "forces": found.forces}
     if folder is not None:
-        payload["files"] = _write(scene, folder, surface, points, triangles,
-                                  {k: v[parent] for k, v in shell_fields(problem.shell, result.state).items()})
+        payload["files"] = _write(
+            scene, folder, surface, points, triangles, {k: v[parent] for k, v in shell_fields(problem.shell, result.state).items()}
+        )
         save_checkpoint(folder / "checkpoint.npz", {"u": result.state.u, "directors": result.state.directors}, key)
         save_json(folder / "result.json", payload)
-    return SimulationResult(result.converged, result.status, result.message, 0.0, nodes, np.zeros_like(nodes), triangles, rows, payload)
+    return SimulationResult(
+        result.converged, result.status, result.message, 0.0, nodes, np.zeros_like(nodes), triangles, rows, payload
+    )
 
 
 def _settle(scene: Scene, folder: Path | None, resume: bool, progress):
     """The draft level has no static residual: it runs until the kinetic energy is a millionth of what it was, or for 10 s."""
-    from mfar_fem.simulation.run import SimulationResult, simulate
-
     from mfar_fem.simulation.engines import PositionLevel
     from mfar_fem.simulation.run import SimulationResult, simulate
 
@@ -99,11 +120,31 @@ def _settle(scene: Scene, folder: Path | None, resume: bool, progress):
             progress(rows[-1] | {"until": None})
     nodes = engine.nodes()
     message = "nearly at rest; the draft level (position-based dynamics) controls no residual and knows no stability"
-    payload = {"scene": scene.name, "fabric": scene.fabric.name, "fidelity": scene.level.name, "order": 0, "message": message,
-               "converged": outcome.status == "converged", "status": outcome.status, "stable": None, "time": engine.time,
-               "last": rows[-1], "terms": {t.name: t.on for t in scene.explain()}, **engine.summary()}
-    return SimulationResult(payload["converged"], outcome.status, message, engine.time, nodes, engine.velocities(),
-                            flat(engine.surface, nodes)[1], rows, payload)
+    payload = {
+        "scene": scene.name,
+        "fabric": scene.fabric.name,
+        "fidelity": scene.level.name,
+        "order": 0,
+        "message": message,
+        "converged": outcome.status == "converged",
+        "status": outcome.status,
+        "stable": None,
+        "time": engine.time,
+        "last": rows[-1],
+        "terms": {t.name: t.on for t in scene.explain()},
+        **engine.summary(),
+    }
+    return SimulationResult(
+        payload["converged"],
+        outcome.status,
+        message,
+        engine.time,
+        nodes,
+        engine.velocities(),
+        flat(engine.surface, nodes)[1],
+        rows,
+        payload,
+    )
 
 
 def _write(scene: Scene, folder: Path, surface, points, triangles, fields) -> list[str]:

@@ -69,19 +69,25 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def simulate(scene: Scene, out: str | Path | None = None, resume: bool = False, restart: bool = False,
-             progress: Callable[[dict[str, Any]], None] | None = None) -> SimulationResult:
+def simulate(
+    scene: Scene,
+    out: str | Path | None = None,
+    resume: bool = False,
+    restart: bool = False,
+    progress: Callable[[dict[str, Any]], None] | None = None,
+) -> SimulationResult:
     """Run a scene in time, or to rest.
 
     Parameters
     ----------
     scene : Scene
     out : path, optional
-        Folder for ``history.csv``, ``checkpoint.npz``, ``frames/`` with ``series.pvd``, ``pictures/`` and ``animation.gif``, ``last.glb``,
-        ``last.vtu`` and ``result.json``. Without it nothing is written.
+        Folder for ``history.csv``, ``checkpoint.npz``, ``frames/`` with ``series.pvd``, ``pictures/`` and ``animation.gif``,
+        ``last.glb``, ``last.vtu`` and ``result.json``. Without it nothing is written.
     resume : bool
-        Go on from the checkpoint in ``out``. Without contact the result is bit by bit that of an uninterrupted run on the same machine and
-        libraries; with contact the same up to rounding.
+        Go on from the checkpoint in ``out``: to the state of an uninterrupted run, bit by bit on one machine at the draft level and
+        with SuperLU, within 1e-12 m with PARDISO, whose rounding depends on where its memory lies; with contact up to the rounding
+        of ipctk.
     restart : bool
         Throw away an unfinished run in ``out``.
     progress : callable, optional
@@ -103,7 +109,9 @@ def simulate(scene: Scene, out: str | Path | None = None, resume: bool = False, 
         folder.mkdir(parents=True, exist_ok=True)
         unfinished = (folder / "checkpoint.npz").exists() and not (folder / "result.json").exists()
         if unfinished and not (resume or restart):
-            raise InputError(f"'{folder}' holds an unfinished run: --resume goes on with it, --restart begins anew, or choose another --out")
+            raise InputError(
+                f"'{folder}' holds an unfinished run: --resume goes on with it, --restart begins anew, or choose another --out"
+            )
     elif resume:
         raise InputError("there is nothing to resume without a folder: name the --out of the run that was killed")
     if scene.to_rest:
@@ -179,19 +187,33 @@ class _Run:
         done = outcome.status == "converged"
         reached = e.time - (self.resumed_at or 0.0)
         payload: dict[str, Any] = {
-            "scene": scene.name, "fabric": scene.fabric.name, "fidelity": scene.level.name, "order": scene.level.order,
-            "converged": done, "status": outcome.status,
-            "message": outcome.message or f"{e.time:.6g} s simulated", "time": e.time, "duration": self.duration,
-            "steps": len(self.rows), "wall_s_per_simulated_s": self.seconds["compute"] / reached if reached > 0 else None,
-            "seconds": self.seconds, "resumed_at": self.resumed_at, "terms": {t.name: t.on for t in scene.explain()},
-            **e.summary(), "last": self.rows[-1] if self.rows else None, "files": files}
+            "scene": scene.name,
+            "fabric": scene.fabric.name,
+            "fidelity": scene.level.name,
+            "order": scene.level.order,
+            "converged": done,
+            "status": outcome.status,
+            "message": outcome.message or f"{e.time:.6g} s simulated",
+            "time": e.time,
+            "duration": self.duration,
+            "steps": len(self.rows),
+            "wall_s_per_simulated_s": self.seconds["compute"] / reached if reached > 0 else None,
+            "seconds": self.seconds,
+            "resumed_at": self.resumed_at,
+            "terms": {t.name: t.on for t in scene.explain()},
+            **e.summary(),
+            "last": self.rows[-1] if self.rows else None,
+            "files": files,
+        }
         if self.folder is not None:
             save_json(self.folder / "result.json", payload)
         if self.history is not None:
             self.history.close()
         nodes = e.nodes()
         triangles = flat(e.surface, nodes)[1]  # type: ignore[attr-defined]
-        return SimulationResult(done, outcome.status, payload["message"], e.time, nodes, e.velocities(), triangles, self.rows, payload)
+        return SimulationResult(
+            done, outcome.status, payload["message"], e.time, nodes, e.velocities(), triangles, self.rows, payload
+        )
 
 
 class Frames:
@@ -210,7 +232,7 @@ class Frames:
             self.camera = Camera(self._stage(e.surface), scene.output.view)  # type: ignore[attr-defined]
 
     def _stage(self, surface: Surface) -> list[np.ndarray]:
-        """Points that the run is expected to stay within: the start, what hangs or swings from the supports, what falls, the bodies."""
+        """Points that the run should stay within: the start, what hangs or swings from the supports, what falls, the bodies."""
         nodes, scene = surface.nodes, self.scene
         size = float(np.ptp(nodes, axis=0).max())
         down = np.sign(scene.gravity)

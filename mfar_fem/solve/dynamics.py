@@ -22,7 +22,6 @@ from mfar_fem.solve.newton import NewtonOptions, newton
 from mfar_fem.solve.problem import Problem
 from mfar_fem.solve.statics import failure_name
 
-
 MAX_MOVES = 100
 """Collision-free moves of a body within one time step, at most."""
 
@@ -286,7 +285,7 @@ class Dynamics:
 
     # -- one step --------------------------------------------------------------------------------------------------------
     def step(self, dt: float, tally: _Tally | None = None) -> StepRecord | str:
-        """Try one step of ``dt`` seconds; on success :attr:`motion` moves on and the record comes back, else the name of the failure."""
+        """Try one step of ``dt`` seconds: the record, and :attr:`motion` has moved on; or the name of the failure."""
         tally = tally or _Tally()
         problem, shell, motion, options = self.problem, self.problem.shell, self.motion, self.options
         k, n_x, t = motion.kinematics, shell.alpha_offset, motion.time + dt

@@ -7,19 +7,24 @@ Every constraint :math:`C` with stiffness :math:`k` moves its vertices by :math:
 * *strain*: one constraint with three components a triangle, the Green strains in the warp/weft frame; :math:`kC` is area times the
   stress of the law, :math:`k` area times its tangent (positive part).
 * *bending*: one constraint a triangle, the angles across its three edges; from them the curvature of the patch
-  :math:`\kappa = \sum_e \theta_e\,l_e / (2A)\; n_e \otimes n_e` [2] and the orthotropic energy :math:`\tfrac12 A\,\kappa\cdot D\kappa` of the
-  fabric. Every quadratic shape has its exact curvature on a lattice of equal parallelograms, in all directions (a model with one
-  stiffness a hinge has not). A free edge has no angle: the energy is minimised over it (no moment there). At a clamp a
-  triangle is added that does not move, and the angle counts twice.
+  :math:`\kappa = \sum_e \theta_e\,l_e / (2A)\; n_e \otimes n_e` [2] and the orthotropic energy
+  :math:`\tfrac12 A\,\kappa\cdot D\kappa` of the fabric. On a lattice of equal parallelograms every quadratic shape has its exact
+  curvature, in all directions (with one stiffness a hinge it has not). A free edge has no angle: the energy is minimised over it
+  (no moment there). At a clamp a triangle is added that does not move, and the angle counts twice.
 * *edges* (off by default): edge lengths that do not change.
 
-**Step and stiffness.** One Gauss–Seidel sweep a substep, begun at :math:`\lambda = 0`, with :math:`f = 1` (XPBD) has in equilibrium a compliance
-of its own: from the order of the sweep, :math:`C = -(\alpha - U)\lambda` with the strictly upper part U of :math:`J M^{-1} J^\top`; a net force
-that is smooth makes :math:`\lambda^\top U \lambda = -\tfrac12 \lambda^\top \mathrm{diag}(G) \lambda`. The sheet is too soft by the factor
-:math:`1 + \kappa/2`, :math:`\kappa = \Delta t^2 k G`, whatever the order. So :math:`f = 1 - \min(\tfrac12, 1/\kappa)`: that compliance is
-taken off the material's, as long as there is any. For :math:`\kappa \le 2` the static stiffness is that of the law, for any step
-and mesh; above the sheet is a pure PBD sheet, too soft by about :math:`\kappa/2` (``excess_compliance``). The default number of
-substeps keeps :math:`\kappa \le 2`. With more iterations a substep ``f`` is 1 and the solution tends to implicit Euler.
+**Step and stiffness.** One Gauss–Seidel sweep a substep, begun at :math:`\lambda = 0`, with :math:`f = 1` (XPBD) has a compliance
+of its own in equilibrium: from the order of the sweep, :math:`C = -(\alpha - U)\lambda`, :math:`\alpha = 1 / (\Delta t^2 k)`, U the
+strictly upper part of :math:`J M^{-1} J^\top`; and where the net force is smooth, :math:`\lambda^\top U \lambda = -\tfrac12
+\lambda^\top \mathrm{diag}(G)\,\lambda`. So the sheet is too soft by the factor :math:`1 + \kappa/2`,
+:math:`\kappa = \Delta t^2 k G`, whatever the order. With :math:`f = \max(\tfrac12, 1 - 1/\kappa)` that compliance is taken off the
+material's, as long as there is any: for :math:`\kappa \le 2` the static stiffness is that of the law for any step and mesh, in the
+mean over neighbouring triangles (one by one the strains scatter with the order of the sweep); above, the sheet is a pure PBD
+sheet and too soft by up to :math:`\kappa/2 - 1` (``excess_compliance``). The default number of substeps keeps :math:`\kappa \le 2`.
+With more iterations a substep f is 1 and the solution tends to implicit Euler.
+
+Bending is slow: it acts once a block of m substeps, with the impulse of the block. Between, the sheet falls freely on a parabola,
+whose mean makes :math:`f = \max((1 - m^{-2})/12 + 1/2m,\; 1 - 1/\kappa)`.
 
 References
 ----------
@@ -33,6 +38,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +52,9 @@ CONSTRAINTS = ("strain", "bending", "edges")
 BLOCK = 1e-3
 """Longest time, s, between two evaluations of bending, of the bodies' distances and of a law that is not linear."""
 MAX_SUBSTEPS = 200
+"""Most substeps a step that are chosen by default."""
 STIFF = 30.0
+"""How much stiffer than at rest a triangle past locking may become (see ``_evaluate_law``)."""
 
 
 class PositionsNotFiniteError(NotConvergedError):
@@ -84,15 +92,15 @@ class PositionBased:
     mass_damping : float
         1/s: ``v' = -mass_damping v``.
     self_contact : bool
-        Vertices keep ``self_distance`` (default: ``thickness``, else 1 mm) from triangles they do not belong to. Coarse: edges may cross
-        edges, a vertex that has passed stays on the other side, there is no friction.
+        Vertices keep ``self_distance`` (default: ``thickness``, else 1 mm) from triangles they do not belong to. Coarse: edges may
+        cross edges, a vertex that has passed stays on the other side, there is no friction.
     bending : bool
         False takes the bending constraints off.
     constraints : sequence of {'strain', 'bending', 'edges'}
     pins : sequence of (vertices, callable)
         Vertices (ids or a boundary's name) held at their reference positions plus ``callable(t) -> (3,) or (m, 3)``, m.
     ramp : float
-        s.
+        Time in which the supports' displacements are reached, s.
     start : (nv, 3) array, optional
         Positions at time 0; default: the reference.
     velocity : (3,) or (nv, 3) array
@@ -161,7 +169,7 @@ class PositionBased:
         self.masses = self.fabric.areal_density / 3.0 * np.bincount(tri.ravel(), np.repeat(areas, 3), self._nv)
         self.triangle_colours = kernels.colour(tri, self._nv)
         order = np.argsort(self.triangle_colours, kind="stable")
-        self._order, self._tri = order, np.ascontiguousarray(tri[order] if active else tri[:0])
+        self._tri = np.ascontiguousarray(tri[order] if active else tri[:0])
         n = len(self._tri)
         self._B = np.ascontiguousarray(np.linalg.inv(edges[order[:n]]).reshape(-1, 4))
         self._areas = areas[order[:n]]
@@ -194,12 +202,15 @@ class PositionBased:
             self._w[np.ix_(ids, list(support.components))] = 0.0
             change = np.broadcast_to(support.displacement, (len(nodes), 3))[keep]
             if np.any(change):
-                self._moves.append((ids, lambda t, d=change: d * (min(1.0, t / self.ramp) if self.ramp > 0 else 1.0)))
+                self._moves.append((ids, self._ramped(change)))
         for where, path in pins:
             ids = self.surface.nodes_of(where) if isinstance(where, str) else np.asarray(where, dtype=np.int64)
             ids = ids[ids < self._nv]
             self._w[ids] = 0.0
             self._moves.append((ids, path))
+
+    def _ramped(self, change: np.ndarray) -> Callable[[float], np.ndarray]:
+        return lambda t: change * (min(1.0, t / self.ramp) if self.ramp > 0 else 1.0)
 
     def _build_bending(self, active: bool, supports) -> None:
         """Patches (triangle and the tips across its edges), their stiffness in the angles, and the fixed tips of clamps."""
@@ -211,21 +222,22 @@ class PositionBased:
         e, r = np.nonzero(across >= 0)
         a, b = tri[e, r], tri[e, (r + 1) % 3]
         tips[e, r] = tri[across[e, r]].sum(axis=1) - a - b
-        ghosts, owners = [], []
+        ghosts: list[np.ndarray] = []
+        owners: list[int] = []
         for support in supports if active else ():
             if not isinstance(support, Clamp) or len(support.components) < 3:
                 continue
             for edge in surface.edges_of(support.where):
-                e = surface.edge_elements[edge, 0]
-                r = int(np.flatnonzero(surface.element_edges[e] == edge)[0])
-                normal = self._normals[e] if support.normal is None else support.normal / np.linalg.norm(support.normal)
-                a, b, c = (surface.vertices[tri[e, (r + i) % 3]] for i in range(3))
-                t = (b - a) / np.linalg.norm(b - a)
-                outward = np.cross(t, normal)
-                along = (c - a) @ t
-                tips[e, r], weight[e, r] = self._nv + len(ghosts), 2.0
-                ghosts.append(a + along * t + np.linalg.norm(c - a - along * t) * outward / np.linalg.norm(outward))
-                owners.append(tri[e, r])
+                el = int(surface.edge_elements[edge, 0])
+                side = int(np.flatnonzero(surface.element_edges[el] == edge)[0])
+                normal = self._normals[el] if support.normal is None else support.normal
+                low, high, tip = (surface.vertices[tri[el, (side + i) % 3]] for i in range(3))
+                along = (high - low) / np.linalg.norm(high - low)
+                outward = np.cross(along, normal)
+                foot = low + (tip - low) @ along * along
+                tips[el, side], weight[el, side] = self._nv + len(ghosts), 2.0
+                ghosts.append(foot + np.linalg.norm(tip - foot) * outward / np.linalg.norm(outward))
+                owners.append(int(tri[el, side]))
         self._owners = np.array(owners, dtype=np.int64)
         self._reference = np.vstack([surface.vertices, *([ghosts] if ghosts else [])])
         self._w = np.vstack([self._w, np.zeros((len(ghosts), 3))])
@@ -281,8 +293,9 @@ class PositionBased:
         """Substeps and blocks from the largest frequencies of the constraints at rest."""
         self.substeps = self.blocks = 1
         self._adaptive = substeps is None
-        self._least_blocks = max(1, math.ceil(self.dt / BLOCK - 1e-9), math.ceil(self.dt * math.sqrt(2.0 * self._bending_matrices(1.0, 1.0))))
-        if self._adaptive:
+        bending = self._bending_matrices(1.0, 1.0)
+        self._least_blocks = max(1, math.ceil(self.dt / BLOCK - 1e-9), math.ceil(self.dt * math.sqrt(2.0 * bending)))
+        if substeps is None:
             self._set_substeps(self._needed(self._local_matrices(self._areas * self.dt**2, self._reference)))
         else:
             n = self.substeps = int(substeps)
@@ -292,7 +305,7 @@ class PositionBased:
 
     def _needed(self, ratio: float) -> int:
         """Substeps that bring the stiffness ratio, now ``ratio``, down to 2."""
-        return math.ceil(self.substeps * math.sqrt(0.5 * ratio) - 1e-9)
+        return math.ceil(self.substeps * math.sqrt(0.5 * min(ratio, 1e12)) - 1e-9)
 
     def _set_substeps(self, n: int) -> None:
         self.blocks = min(self._least_blocks, MAX_SUBSTEPS)
@@ -328,8 +341,12 @@ class PositionBased:
 
     def state_dict(self) -> dict:
         """All that a later :meth:`load_state_dict` needs to go on bit by bit."""
-        return {"time": self.time, "steps": self.steps, "substeps": self.substeps, "positions": self._x.copy(), "velocities": self._v.copy(),
-                "stress": self._S.copy(), "tangent": self._D.copy(), "strain": self._at.copy(), "made": self._x_made.copy()}
+        arrays = {name: own.copy() for name, own in self._state_arrays().items()}
+        return {"time": self.time, "steps": self.steps, "substeps": self.substeps, **arrays}
+
+    def _state_arrays(self) -> dict[str, np.ndarray]:
+        return {"positions": self._x, "velocities": self._v, "stress": self._S, "tangent": self._D, "strain": self._at,
+                "made": self._x_made}
 
     def load_state_dict(self, state: Mapping) -> None:
         """Take up a state of the same model.
@@ -339,8 +356,7 @@ class PositionBased:
         InputError
             The arrays are those of another mesh.
         """
-        arrays = {"positions": self._x, "velocities": self._v, "stress": self._S, "tangent": self._D, "strain": self._at,
-                  "made": self._x_made}
+        arrays = self._state_arrays()
         for name, own in arrays.items():
             if np.shape(state[name]) != own.shape:
                 raise InputError(f"state: '{name}' has shape {np.shape(state[name])}, the model needs {own.shape}")
@@ -352,7 +368,7 @@ class PositionBased:
         self._make(self._x_made)
 
     def energies(self) -> dict[str, float]:
-        """``kinetic``, ``membrane``, ``bending`` and ``gravity`` (zero at the origin's height), J; membrane ``inf`` where the law is."""
+        """``kinetic``, ``membrane``, ``bending``, ``gravity`` (zero at the origin's height), J; membrane ``inf`` past locking."""
         x, v, m = self.positions, self.velocities, self.masses
         kernels.strains(self._x, self._tri, self._B, self._E)
         membrane = self.fabric.membrane_scale * (self._areas @ self.fabric.law.energy(_metric(self._E))) if len(self._E) else 0.0
@@ -421,7 +437,8 @@ class PositionBased:
 
     def _local_matrices(self, scale: np.ndarray, x: np.ndarray) -> float:
         least = 0.5 if self.iterations == 1 else 1.0
-        return kernels.prepare_strain(x, self._tri, self._B, self._w, scale, self._D, self._S, self._at, least, self._K, self._h, self._inverse, self._limit)
+        return kernels.prepare_strain(x, self._tri, self._B, self._w, scale, self._D, self._S, self._at, least, self._K, self._h,
+                                      self._inverse, self._limit)
 
     def _refresh(self, always: bool) -> None:
         """Evaluate the law and the local matrices anew, at the start of a step or when a strain has changed much."""
@@ -462,12 +479,12 @@ class PositionBased:
         self._at[...], self._S[...], self._D[...] = E, scale * S, _positive(scale * D)
 
     # -- contact ---------------------------------------------------------------------------------------------------------
-    def _near_bodies(self) -> list[tuple[object, np.ndarray, float]]:
+    def _near_bodies(self) -> list[tuple[Any, np.ndarray, float]]:
         """For every body the vertices that may reach it in this step (a distance changes by no more than the way), and that way."""
         out = []
         free = np.flatnonzero(self._w[: self._nv].any(axis=1))
         x = self.positions[free]
-        fastest = math.sqrt(float(np.max(np.sum(self._v * self._v, axis=1), initial=0.0))) + self.dt * np.linalg.norm(self.gravity)
+        fastest = math.sqrt(float(np.max(np.sum(self._v**2, axis=1), initial=0.0))) + self.dt * float(np.linalg.norm(self.gravity))
         for body in self.bodies:
             way = 1.5 * fastest * self.dt + 0.1 * self.thickness + 1e-5
             body_way = 1.5 * self.dt * max(float(np.linalg.norm(body.velocity(x, self.time + s * self.dt), axis=1).max(initial=0.0))
@@ -491,7 +508,7 @@ class PositionBased:
             friction.append(np.full(len(some), float(body.friction)))
         if not ids:
             return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0), np.empty((0, 3)), np.empty(0), self.thickness
-        return (np.concatenate(ids), np.concatenate(normals), np.concatenate(offsets), np.ascontiguousarray(np.concatenate(velocity)),
+        return (np.concatenate(ids), np.concatenate(normals), np.concatenate(offsets), np.concatenate(velocity),
                 np.concatenate(friction), self.thickness)
 
     def _push(self, ids: np.ndarray, distance: np.ndarray, normal: np.ndarray) -> None:

@@ -231,10 +231,10 @@ def _sweep_strain(x, tri, B, w, K, h, inverse, limit, lam, many):
 
 @jit
 def _hinge(x, a, b, c, d, floor):
-    """Angle between the normals of (a, b, c) and (b, a, d); gradients at the tips c and d, and the feet s, t of the tips on the edge.
+    """Angle between the normals of (a, b, c) and (b, a, d), gradients at the tips c and d, feet s and t of the tips on the edge.
 
-    The gradient at a is ``-(1 - s) g_c - (1 - t) g_d``, at b ``-s g_c - t g_d``. Where a doubled area squared is below ``floor`` the
-    gradients are scaled down (they would grow without bound as a triangle collapses).
+    The gradient at a is ``-(1 - s) g_c - (1 - t) g_d``, at b ``-s g_c - t g_d``. Where a doubled area squared is below ``floor``
+    the gradients are scaled down (they would grow without bound as a triangle collapses).
     """
     e0, e1, e2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
     p0, p1, p2 = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
@@ -366,7 +366,7 @@ def _sweep_edges(x, edges, lengths, w):
 
 @jit
 def _contact(x, before, w, ids, normals, offsets, velocity, friction, thickness, elapsed, dt):
-    """Push vertices out of tangent planes ``n · (x - u t) >= offset + thickness``, with Coulomb friction on the displacement."""
+    """Push vertices out of tangent planes, to ``n · (x - u t) >= offset + thickness``; Coulomb friction on the displacement."""
     for k in range(ids.shape[0]):
         i = ids[k]
         n0, n1, n2 = normals[k, 0], normals[k, 1], normals[k, 2]
@@ -471,12 +471,13 @@ def _predict(x, v, w, normals, wind, gravity, drag_n, drag_t, keep, dt):
 
 
 @jit
-def advance(substeps, iterations, dt, x, v, w, pull, gravity, drag, keep, normals, wind, strain, bending, edges, contact, repel):
+def advance(substeps, iterations, dt, x, v, w, pull, gravity, drag, keep, normals, wind, strain, bending, edges, contact,
+            repel):
     """A block of substeps in place: ``x``, ``v`` (n, 3); ``pull`` (n, 3) is the velocity of what is held.
 
-    ``strain`` = (tri, B, K, h, inverse, limit, λ), ``bending`` = (patches, floor, rest, H, inverse, λ), ``edges`` = (ends, lengths),
-    ``contact`` = (ids, normals, offsets, velocity, friction, thickness), ``repel`` = (all triangles, pairs, distance); empty where
-    a term is off. Bending acts once, at the first substep, with the impulse of the whole block.
+    ``strain`` = (tri, B, K, h, inverse, limit, λ), ``bending`` = (patches, floor, rest, H, inverse, λ), ``edges`` = (ends,
+    lengths), ``contact`` = (ids, normals, offsets, velocity, friction, thickness), ``repel`` = (all triangles, pairs, distance);
+    empty where a term is off. Bending acts once, at the first substep, with the impulse of the whole block.
     """
     tri, B, K, h, inverse, limit, lam = strain
     patches, floor, rest, H, inverse_b, lam_b = bending

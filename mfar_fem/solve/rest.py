@@ -3,10 +3,10 @@ r"""To rest: relaxation with growing pseudo time steps, ending in an equilibrium
 Every step minimises the potential plus the inertia of a sheet that starts at rest, :math:`W(x) + |x - x_k|_M^2 / 2\Delta t^2`,
 linearised once: a Levenberg–Marquardt step in the metric of the mass. Full steps that lower the energy let :math:`\Delta t` grow;
 soon the step is Newton's. Its tangent is the positive semi-definite one with a share of the exact one: the first is never wrong but
-too stiff where compression and folds soften the sheet (a step then gains up to twice what it predicts), the second is indefinite far
-from rest. The share grows with full steps and is halved by short ones. The energy falls monotonically, so the run cannot cycle, and
-it ends only where the *static* residual is below tolerance. The number of negative eigenvalues of the tangent there says whether the
-rest state is stable; an unstable one is left along its softest mode.
+too stiff where compression softens the sheet (a step then gains up to twice what it predicts), the second is indefinite far from
+rest. The share grows with full steps and is halved by short ones. The energy falls monotonically, so the run cannot cycle, and
+it ends only where the *static* residual is below tolerance. The number of negative eigenvalues of the tangent there says whether
+the rest state is stable; an unstable one is left along its softest mode.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class RestOptions:
     escapes : int
         How often an unstable equilibrium is left (0: it is returned and called unstable).
     softening : tuple of float
-        Shares of the tensile stiffness (:class:`mfar_fem.materials.softened.Softened`) at which the sheet is relaxed first, roughly.
+        Shares of the tensile stiffness (:class:`mfar_fem.materials.softened.Softened`) at which the sheet is first relaxed roughly.
         A sheet of stiff yarns turns by a few hundredths of a radian a step; a tenth of the stiffness makes the way short, and the
         last stage is the fabric itself.
     linear_solver : str

@@ -1,0 +1,103 @@
+"""Cloth that falls on a sphere or a cylinder: wall time per simulated second of every level, beside public cloth codes."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mfar_fem.fidelity import LEVELS
+from mfar_fem.scene_file import load_scene
+from mfar_fem.simulation.engines import Advance, engine
+
+PUBLIC = (
+    ("implicit solver with conjugate gradients", 21.0, 24.0, "public cloth code, like machine, 40 x 40 vertices, 2 ms"),
+    (
+        "vertex block descent, 10 x 10 iterations, no self-contact",
+        25.0,
+        25.0,
+        "public cloth code, like machine, 40 x 40 vertices, 2 ms",
+    ),
+    (
+        "vertex block descent, 10 x 10 iterations, self-contact",
+        48.0,
+        48.0,
+        "public cloth code, like machine, 40 x 40 vertices, 2 ms",
+    ),
+)
+"""Wall seconds per simulated second of public codes (name, from, to, what); cost per step only, their materials differ."""
+AIM = {"draft": 5.0, "standard": 20.0, "reference": 60.0}
+"""Wall seconds per simulated second this project aims at on two cores."""
+
+
+def run(
+    scene: str, level: str = "standard", duration: float = 1.0, self_contact: bool = False, progress=None, **overrides: Any
+) -> dict[str, Any]:
+    """Run ``drape-sphere`` or ``drape-cylinder`` for a time.
+
+    Parameters
+    ----------
+    scene : str
+    level : {'draft', 'standard', 'reference'}
+    duration : float
+        Simulated time, s.
+    self_contact : bool
+    progress : callable, optional
+        Called with the simulated time after every step.
+    **overrides
+        Settings of :class:`mfar_fem.fidelity.Fidelity`.
+
+    Returns
+    -------
+    dict
+        ``wall_s_per_simulated_s`` (stepping only, compiled kernels loaded before), ``wall_s``, ``steps``, ``newton_iterations``,
+        ``intersects`` (the last state the body's mesh, at the finite-element levels), ``least_distance_m`` (over all steps),
+        ``status``, ``public`` and ``aim_s``.
+    """
+    loaded = load_scene(scene, level, **overrides)
+    loaded = replace(loaded, duration=duration, contact=replace(loaded.contact, self_contact=self_contact))
+    warm = engine(loaded)
+    warm.advance(loaded.level.dt, lambda row: None)
+    del warm
+    e = engine(loaded)
+    rows: list[dict[str, float]] = []
+
+    def note(row: dict[str, float]) -> None:
+        rows.append(row)
+        if progress is not None:
+            progress(row["time"])
+
+    clock = time.perf_counter()
+    outcome: Advance = e.advance(duration, note)
+    wall = time.perf_counter() - clock
+    nodes = e.nodes()
+    outside = min(float(b.signed_distance(nodes, e.time)[0].min()) for b in loaded.bodies)
+    barrier = getattr(e, "barrier", None)
+    distances = [r["distance"] for r in rows if "distance" in r]
+    return {
+        "benchmark": scene,
+        "fidelity": level,
+        "order": LEVELS[level].override(**overrides).order,
+        "dt": loaded.level.dt,
+        "simulated_s": e.time,
+        "wall_s": wall,
+        "wall_s_per_simulated_s": wall / e.time if e.time > 0 else None,
+        "steps": len(rows),
+        "newton_iterations": e.summary().get("newton_iterations"),
+        "halvings": e.summary().get("halvings"),
+        "unknowns": e.summary()["unknowns"],
+        "elements": e.summary()["elements"],
+        "self_contact": self_contact,
+        "intersects": None if barrier is None else barrier.has_intersections(e.dynamics.problem.shell, e.dynamics.motion.state),  # type: ignore[attr-defined]
+        "least_distance_m": min(distances, default=None),
+        "deepest_node_m": outside,
+        "lowest_m": float(nodes[:, 2].min()),
+        "mean_height_m": float(np.mean(nodes[:, 2])),
+        "converged": outcome.status == "converged",
+        "status": outcome.status,
+        "message": outcome.message,
+        "aim_s": AIM[level],
+        "public": [{"code": n, "from_s": a, "to_s": b, "what": w} for n, a, b, w in PUBLIC],
+    }
