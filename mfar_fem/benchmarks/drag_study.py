@@ -92,7 +92,7 @@ def meshes(cells: tuple[int, ...] = (1, 2, 4, 8), order: int = 1, gamma_vertex: 
     return rows
 
 
-def swatch(dt: float, degrees: float = 20.0, method: str = "implicit-euler", normal: float = GAMMA, cells: tuple[int, int] = (4, 6),
+def swatch(dt: float, degrees: float = 20.0, method: str = "implicit-euler", normal: float = GAMMA, cells: tuple[int, int] = (2, 3),
            order: int = 1, fabric: Fabric | None = None, rho: float = 0.8) -> dict:
     """Swatch of silk, 0.1 m wide and 0.15 m long, hung from an edge and released flat at an angle: its losses over one period.
 

@@ -34,9 +34,9 @@ def reached(result: DynamicResult) -> DynamicResult:
     return result
 
 
-def soft_swing(order: int, method: str, dt: float, rho: float = 1.0, **options) -> Dynamics:
+def soft_swing(order: int, method: str, dt: float, rho: float = 1.0, cells: tuple[int, int] = (4, 2), **options) -> Dynamics:
     """Soft strip, 0.1 m x 0.05 m, hinged at one edge, that falls from the horizontal: large rotation and stretch."""
-    surface = Surface.from_pattern(strip(SIZE, 0.5 * SIZE, 4, 2), order)
+    surface = Surface.from_pattern(strip(SIZE, 0.5 * SIZE, *cells), order)
     options = {"rtol": 1e-10, "atol": 1e-14} | options
     return Dynamics(surface, sheet(10.0, 1e-6, 0.3), [Hinge("left")], [gravity(DENSITY)],
                     options=DynamicsOptions(method=method, dt=dt, rho=rho, **options))
@@ -47,7 +47,8 @@ def rms(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sqrt(3.0 * np.mean((a - b) ** 2)))
 
 
-def order_in_time(order: int = 1, steps: tuple[int, ...] = (40, 80, 160), reference_steps: int = 1280, until: float = 0.06) -> dict:
+def order_in_time(order: int = 1, steps: tuple[int, ...] = (40, 80, 160), reference_steps: int = 1280, until: float = 0.06,
+                  cells: tuple[int, int] = (4, 2)) -> dict:
     """Errors of position and observed rates of every integrator against a fine run of the trapezoidal rule.
 
     Returns
@@ -55,12 +56,13 @@ def order_in_time(order: int = 1, steps: tuple[int, ...] = (40, 80, 160), refere
     dict
         By integrator ``errors`` (m) and ``rates`` (one between each two numbers of steps).
     """
-    run = reached(soft_swing(order, "generalized-alpha", until / reference_steps).run(until))
-    exact = run.motion.kinematics.x
+    def positions(method, rho, n):
+        return reached(soft_swing(order, method, until / n, rho, cells).run(until)).motion.kinematics.x
+
+    exact = positions("generalized-alpha", 1.0, reference_steps)
     out = {"shell_order": order, "steps": list(steps), "reference_steps": reference_steps, "integrators": {}}
     for method, rho in INTEGRATORS:
-        errors = np.array([rms(reached(soft_swing(order, method, until / n, rho).run(until)).motion.kinematics.x, exact)
-                           for n in steps])
+        errors = np.array([rms(positions(method, rho, n), exact) for n in steps])
         rates = np.log(errors[:-1] / errors[1:]) / np.log(np.array(steps[1:]) / np.array(steps[:-1]))
         out["integrators"][label(method, rho)] = {"errors": errors.tolist(), "rates": rates.tolist()}
     return out
@@ -108,12 +110,13 @@ def amplitude(method: str, z: float, rho: float = 1.0, order: int = 2, n: int = 
     state, mass = case.problem.start(), Mass(case.problem.shell, DENSITY, kind)
     omega, modes = natural_frequencies(case.problem, state, mass, 2)
     settle, count = (0, 6) if method == "implicit-euler" else (25, 40)
-    _, q, dynamics = swing(case.problem, state, modes[:, 0], omega[0], mass, 0.01 * case.problem.shell.fabric.thickness,
+    size = 1e-4 if method == "generalized-alpha" else 0.01  # what decays must stay above rounding
+    _, q, _ = swing(case.problem, state, modes[:, 0], omega[0], mass, size * case.problem.shell.fabric.thickness,
                            periods=count * z / (2 * np.pi), method=method, rho=rho, dt=z / omega[0], **options)
     q = q[settle:]
     found, exact = measured_root(q), root(method, z, rho)
     return {"method": label(method, rho), "z": z, "omega": float(omega[0]), "amplitude": abs(found), "exact_amplitude": abs(exact),
-            "phase": float(np.angle(found)) / z, "exact_phase": float(np.angle(exact)) / z, "defect": dynamics.motion.dissipated}
+            "phase": float(np.angle(found)) / z, "exact_phase": float(np.angle(exact)) / z}
 
 
 def spinning_sheet(method: str, dt: float, rho: float = 1.0, order: int = 1, spin=(3.0, 5.0, 40.0), shake: float = 0.3,
@@ -245,11 +248,12 @@ def run(thorough: bool = True) -> dict:
         "benchmark": "dynamics",
         "order_in_time": [order_in_time(order) for order in orders],
         "varying_steps": varying_steps(),
-        "amplitude": [amplitude(method, z, rho) for method, rho in INTEGRATORS for z in (0.1, 0.5, 2.0)],
+        "amplitude": [amplitude(method, z, rho) for method, rho in INTEGRATORS for z in (0.1, 0.5, 2.0)
+                      if (method, z) != ("bdf2", 2.0)],
         "momentum": [momentum(method, rho, kind, order) for method, rho in INTEGRATORS for kind in ("consistent", "lumped")
                      for order in orders],
-        "energy_drift": [energy_drift(method, rho, 100 if thorough else 10, count, stretch) for count, stretch in ((80, 0.05), (40, 30.0))
-                         for method, rho in second],
+        "energy_drift": [energy_drift(method, rho, 100 if thorough else 10, count, stretch)
+                         for count, stretch in ((80, 0.05), (40, 30.0)) for method, rho in second],
         "damping": [damping("bdf2", mass_damping=0.05), damping("bdf2", stiffness_share=0.05),
                     damping("generalized-alpha", stiffness_share=0.05)],
         "adaptive": [adaptive(method) for method in ("implicit-euler", "bdf2", "generalized-alpha")],

@@ -422,6 +422,21 @@ class Barrier:
         fraction = self.max_step(shell, state, step)
         return guess if fraction == 1.0 else state.with_u(state.u + fraction * step)
 
+    def lifted(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
+        """Nodes ``x`` (nn, 3) moved out of the bodies, one by one, to where contact begins or no closer than they were at ``base``.
+
+        A start for Newton's method: :meth:`limit` would hold back all nodes where a single one runs into a body.
+        """
+        x, reach = x.copy(), self.min_distance + self.dhat
+        for body in self.bodies:
+            d, n = body.signed_distance(x, self._motion.time)
+            near = np.flatnonzero(d < reach)
+            if len(near):
+                now = body.signed_distance(base[near], self._motion.time)[0]
+                wanted = np.clip(now, self.min_distance + 0.3 * self.dhat, self.min_distance + 0.7 * self.dhat)
+                x[near] += np.maximum(wanted - d[near], 0.0)[:, None] * n[near]
+        return x
+
     def begin_step(self, shell: Shell, state: State, predicted: State | None, t0: float, t1: float, dt: float) -> float:
         """Start a time step at the accepted ``state``, with the bodies at ``t0``, and move them towards ``t1``.
 

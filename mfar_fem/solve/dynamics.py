@@ -65,7 +65,7 @@ class DynamicsOptions:
     stiffness_damping: float = 0.0
     tolerance: float | None = None
     min_dt: float = 1e-7
-    max_iterations: int = 60
+    max_iterations: int = 300
     linear_solver: str = "direct"
 
     def __post_init__(self):
@@ -342,6 +342,10 @@ class Dynamics:
             u[problem.fixed] = held
             trial = base.with_u(u)
             if self.contact is not None:
+                if x.base is not base.u:
+                    lifted = self.contact.lifted(u[: len(x)].reshape(-1, 3), base.u[: len(x)].reshape(-1, 3))
+                    u[: len(x)] = lifted.ravel()
+                    u[problem.fixed] = held
                 trial = self.contact.limit(problem.shell, base, trial)
                 if pushed or not np.array_equal(trial.u[problem.fixed], held):
                     trial.u[problem.fixed] = held
@@ -388,6 +392,7 @@ class Dynamics:
         if shell.viscosity is not None:
             dissipated += self._viscous_work(state, motion.strain[:3], dt)
         work = float(reaction @ (state.u - motion.state.u)[problem.fixed]) if len(problem.fixed) else 0.0
+        work += self._schedule_work(rule, motion.time, t, motion.state, state)
         samples = (*self._samples(state), *motion.strain[:3]) if self._dissipative else ()
         if self.contact is not None:
             self.contact.end_step(shell, state)
@@ -417,6 +422,15 @@ class Dynamics:
         for drag in self.drag:
             total += float(drag.force(shell, x.reshape(-1, 3)) @ (new - old))
         return total
+
+    def _schedule_work(self, rule: StepRule, t_old: float, t: float, old: State, new: State) -> float:
+        """Change of the potential of the loads because their factor changes, J."""
+        before, after = self.schedule(t_old), self.schedule(t)
+        if before == after:
+            return 0.0
+        shell, states = self.problem.shell, (old,) if rule.order == 1 else (old, new)
+        changes = [load.energy(shell, s, after) - load.energy(shell, s, before) for load in self.external for s in states]
+        return float(sum(changes)) / len(states)
 
     def _viscous_work(self, state: State, before: tuple[np.ndarray, ...], dt: float) -> float:
         """Work of the viscous stresses over the last step at its mean rates, J."""

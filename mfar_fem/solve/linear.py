@@ -1,26 +1,48 @@
-"""Linear solvers of the Newton steps: sparse direct (SuperLU, PARDISO) and AMG-preconditioned conjugate gradients.
+"""Linear solvers of the Newton steps: sparse direct (SuperLU, PARDISO) and conjugate gradients with algebraic multigrid.
 
 ``direct`` is the default: a shell tangent is badly conditioned (thin sheets) and often indefinite. ``amg`` pays on many unknowns
-with a positive tangent (tension, short time steps); where it fails it falls back to ``direct`` and leaves a note.
+with a positive tangent (short time steps); where it fails it falls back to ``direct`` and leaves a note. ``auto`` chooses
+between the two by :func:`choose`, whose bounds were measured (:mod:`mfar_fem.benchmarks.linear_solvers`).
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
-from scipy.sparse.linalg import cg, splu
+from scipy.sparse.linalg import splu
 
 from mfar_fem.errors import InputError, MissingDependencyError
+from mfar_fem.solve.krylov import conjugate_gradients
 
-METHODS = ("direct", "superlu", "pardiso", "amg")
+METHODS = ("direct", "superlu", "pardiso", "amg", "auto")
+LOOSEST, TIGHTEST = 1e-2, 1e-8
+"""Bounds of the relative residual of an iterative solution within Newton's method."""
+DISSECTED = 10_000
+"""Unknowns from which SuperLU's order comes from nested dissection rather than from minimum degree."""
 
 
 class SingularMatrixError(ArithmeticError):
     """The matrix could not be factorised."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the unknowns of a matrix are.
+
+    Attributes
+    ----------
+    positions : (m,) int array
+        ``3 · node + component`` of the first m unknowns; the others are edge rotations.
+    places : (n, 3) array
+        Where the unknowns are on the reference surface, m.
+    """
+
+    positions: np.ndarray
+    places: np.ndarray
 
 
 class LinearSolver:
@@ -28,8 +50,9 @@ class LinearSolver:
 
     Parameters
     ----------
-    method : {'direct', 'superlu', 'pardiso', 'amg'}
-        ``direct`` takes PARDISO where it is installed (extra ``fast``), else SuperLU.
+    method : {'direct', 'superlu', 'pardiso', 'amg', 'auto'}
+        ``direct`` takes PARDISO where it is installed (extra ``fast``), else SuperLU; ``auto`` is ``direct`` here, because only
+        Newton's method knows the time step.
     near_nullspace : (n, k) array, optional
         Rigid-body modes for AMG.
     rtol : float
@@ -37,21 +60,31 @@ class LinearSolver:
     max_iterations : int
         Of the iterative solver, before it falls back to the direct one.
     cache : dict, optional
-        Kept by the caller between solves of matrices with one pattern: PARDISO's symbolic factorisation lives there.
+        Kept by the caller between solves of matrices with one pattern: elimination orders, PARDISO's symbolic factorisation and
+        the multigrid hierarchy live there. It may be cleared at any time: nothing is lost but time. Solutions depend on it
+        within rounding (direct) or the tolerance (AMG); clear it at a checkpoint if a resumed run is to take the same steps.
+    layout : Layout, optional
+        Lets SuperLU dissect the sheet, and AMG eliminate the rotations.
+    adaptive : bool
+        Tolerances of the iterative solver after Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996) 16, doi 10.1137/0917003, their
+        choice 2): the right-hand sides are the residuals of a Newton iteration. ``rtol`` does not count then.
     """
 
     def __init__(self, method: str = "direct", near_nullspace: np.ndarray | None = None, rtol: float = 1e-8,
-                 max_iterations: int = 500, cache: dict | None = None):
+                 max_iterations: int = 500, cache: dict | None = None, layout: Layout | None = None, adaptive: bool = False):
         if method not in METHODS:
             raise InputError(f"unknown linear solver '{method}'; choose one of {', '.join(METHODS)}")
-        if method == "direct":
+        if method in ("direct", "auto"):
             method = "pardiso" if _pardiso() is not None else "superlu"
         elif method == "pardiso" and _pardiso() is None:
             raise MissingDependencyError("linear solver 'pardiso' needs pypardiso: pip install 'mfar-fem[fast]' (x86-64)")
         self.method, self.near_nullspace, self.rtol, self.max_iterations = method, near_nullspace, rtol, max_iterations
         self.cache = {} if cache is None else cache
+        self.layout, self.adaptive = layout, adaptive
         self.notes: list[str] = []
         self.iterations = 0
+        self._last: tuple[float, float] | None = None
+        self._failed = False
 
     def factor(self, A: csr_matrix) -> Callable[[np.ndarray], np.ndarray]:
         """Factorise (or set up) symmetric ``A``; the result solves for a right-hand side (n,) or (n, k).
@@ -63,16 +96,26 @@ class LinearSolver:
         """
         if A.shape[0] == 0:
             return lambda b: b.copy()
-        if self.method == "amg":
+        if self.method == "amg" and not self._failed:
             return self._amg(A)
-        return self._pardiso_factor(A) if self.method == "pardiso" else self._superlu(A)
+        if self.method == "pardiso" or (self.method == "amg" and _pardiso() is not None):
+            return self._pardiso_factor(A)
+        return self._superlu(A)
 
+    # -- direct ------------------------------------------------------------------------------------------------------------
     def _superlu(self, A: csr_matrix):
-        matrix = csc_matrix((A.data, A.indices, A.indptr), shape=A.shape)  # symmetric: the transpose is the matrix
-        try:
-            lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        except RuntimeError as error:
-            raise SingularMatrixError(str(error)) from error
+        """The order of elimination is kept for matrices of one pattern: it costs up to as much as the factorisation."""
+        order = self.cache.get("superlu")
+        if order is not None and order.fits(A):
+            return order.solver(factorise(order.matrix(A), "NATURAL").solve)
+        from mfar_fem.solve.ordering import Reordered, nested_dissection
+
+        if order is None and self.layout is not None and A.shape[0] >= DISSECTED:
+            order = self.cache["superlu"] = Reordered(A, nested_dissection(A, self.layout.places))
+            return order.solver(factorise(order.matrix(A), "NATURAL").solve)
+        lu = factorise(csc_matrix((A.data, A.indices, A.indptr), shape=A.shape), "MMD_AT_PLUS_A")  # symmetric: the transpose is it
+        if order is None:
+            self.cache["superlu"] = Reordered(A, np.argsort(lu.perm_c))
         return lu.solve
 
     def _pardiso_factor(self, A: csr_matrix):
@@ -86,44 +129,76 @@ class LinearSolver:
         except ArithmeticError as error:
             raise SingularMatrixError(str(error)) from error
 
+    # -- iterative ---------------------------------------------------------------------------------------------------------
     def _amg(self, A: csr_matrix):
-        import pyamg
+        """Conjugate gradients; the hierarchy of an earlier matrix serves until it takes twice the iterations it took at first."""
+        fallback: dict = {}
 
-        state: dict = {}
-
-        def fallback(b, reason):
-            if "direct" not in state:
+        def one(b):
+            if "solve" not in fallback:
+                x, reason = self._iterate(A, b)
+                if x is not None:
+                    return x
                 self.notes.append(f"AMG-CG {reason}; direct solver used instead")
-                state["direct"] = self._superlu(A)
-            return state["direct"](b)
+                self._failed = self.adaptive  # for the rest of this Newton solve
+                fallback["solve"] = self._pardiso_factor(A) if _pardiso() is not None else self._superlu(A)
+            return fallback["solve"](b)
 
+        return lambda b: one(b) if b.ndim == 1 else np.column_stack([one(column) for column in np.ascontiguousarray(b.T)])
+
+    def _iterate(self, A: csr_matrix, b: np.ndarray) -> tuple[np.ndarray | None, str]:
+        """Solution, or None and the reason why there is none."""
+        rtol = self._tolerance(b)
+        digits = -np.log10(rtol)
+        kept = self.cache.get("amg")
+        if kept is not None and kept[0] == A.shape:
+            _, preconditioner, per_digit = kept
+            x, iterations, status = conjugate_gradients(A, b, preconditioner, rtol, int(2 * per_digit * digits) + 3)
+            self.iterations += iterations
+            if status == "converged":
+                return x, ""
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                ml = pyamg.smoothed_aggregation_solver(A, B=self.near_nullspace, strength=("symmetric", {"theta": 0.0}),
-                                                       smooth=("energy", {"krylov": "cg", "maxiter": 4}), max_coarse=300)
-                preconditioner = ml.aspreconditioner(cycle="V")
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            reason = f"set-up failed ({error})"
-            return lambda b: fallback(b, reason)
+            preconditioner = self._preconditioner(A)
+        except (ValueError, ArithmeticError, RuntimeError, np.linalg.LinAlgError) as error:
+            return None, f"set-up failed ({error})"
+        x, iterations, status = conjugate_gradients(A, b, preconditioner, rtol, self.max_iterations)
+        self.iterations += iterations
+        if status != "converged":
+            self.cache.pop("amg", None)
+            return None, f"did not converge ({status} after {iterations} iterations)"
+        self.cache["amg"] = (A.shape, preconditioner, iterations / digits)
+        return x, ""
 
-        def solve(b):
-            if "direct" in state:
-                return state["direct"](b)
-            counter = [0]
+    def _preconditioner(self, A: csr_matrix):
+        from mfar_fem.solve.amg import ShellMultigrid, multigrid
 
-            def count(_):
-                counter[0] += 1
+        if self.layout is None or self.near_nullspace is None:
+            return multigrid(A, self.near_nullspace)
+        return ShellMultigrid(A, self.layout.positions, self.near_nullspace)
 
-            with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("ignore")
-                x, info = cg(A, b, rtol=self.rtol, atol=0.0, maxiter=self.max_iterations, M=preconditioner, callback=count)
-            self.iterations += counter[0]
-            if info != 0 or not np.all(np.isfinite(x)) or b @ x < 0:
-                return fallback(b, f"did not converge in {counter[0]} iterations")
-            return x
+    def _tolerance(self, b: np.ndarray) -> float:
+        """Relative residual to reach for this right-hand side."""
+        if not self.adaptive:
+            return self.rtol
+        size, eta = float(np.linalg.norm(b)), LOOSEST
+        if self._last is not None and self._last[0] > 0:
+            eta = float(np.clip(0.9 * (size / self._last[0]) ** 2, TIGHTEST, LOOSEST))
+        self._last = (size, eta)
+        return eta
 
-        return solve
+
+def factorise(matrix: csc_matrix, ordering: str):
+    """SuperLU's factorisation of a symmetric matrix with pivots on the diagonal.
+
+    Raises
+    ------
+    SingularMatrixError
+        If the matrix cannot be factorised.
+    """
+    try:
+        return splu(matrix, permc_spec=ordering, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError as error:
+        raise SingularMatrixError(str(error)) from error
 
 
 @cache
@@ -158,11 +233,7 @@ def negative_eigenvalues(A: csr_matrix) -> int:
     SingularMatrixError
         If the matrix cannot be factorised.
     """
-    matrix = csc_matrix((A.data, A.indices, A.indptr), shape=A.shape)
-    try:
-        lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError as error:
-        raise SingularMatrixError(str(error)) from error
+    lu = factorise(csc_matrix((A.data, A.indices, A.indptr), shape=A.shape), "MMD_AT_PLUS_A")
     if np.array_equal(lu.perm_r, lu.perm_c):
         return int(np.sum(lu.U.diagonal() < 0))
     from scipy.sparse.linalg import eigsh  # a pivot off the diagonal: look at the eigenvalues next to zero instead

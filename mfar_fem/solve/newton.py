@@ -15,7 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mfar_fem.shell import State
-from mfar_fem.solve.linear import LinearSolver, SingularMatrixError
+from mfar_fem.solve.inertia import Inertia
+from mfar_fem.solve.linear import LinearSolver, SingularMatrixError, rigid_body_modes
+from mfar_fem.solve.solver_choice import choose, layout, wave_travel
 from mfar_fem.solve.problem import InadmissibleStateError, Problem
 
 
@@ -27,7 +29,8 @@ class NewtonOptions:
     ----------
     rtol, atol : float
         Converged when the residual is below ``max(atol, rtol · reference)``; ``atol`` in N, the reference is the largest of the
-        external forces, the smallest reactions met on the way, and a thousandth of the first residual. What rounding of the
+        external forces, the smallest reactions met on the way, and a thousandth of the first residual (in motion the present
+        inertia instead: a bad first guess must not loosen a step). What rounding of the
         unknowns can cause in a component, ``ε |K| |u|``, does not count, and a full Newton step at the rounding of the unknowns
         ends the iteration too: thin sheets under tiny loads get there. The residual reached is always reported.
     max_iterations : int
@@ -46,7 +49,7 @@ class NewtonOptions:
 
     rtol: float = 1e-8
     atol: float = 1e-13
-    max_iterations: int = 60
+    max_iterations: int = 300
     plain_iterations: int = 12
     plain_cuts: int = 2
     tangent: str = "auto"
@@ -58,6 +61,8 @@ class NewtonOptions:
 DEFAULT_OPTIONS = NewtonOptions()
 RENEWAL = 20
 """Iterations of the descent after which the directors are renewed."""
+LARGEST_TURN = 1.5
+"""Rotation of an edge, rad, at which they are renewed in any case: at π its angle has no unique value and the energy jumps."""
 
 
 @dataclass
@@ -124,7 +129,8 @@ def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: 
     residual = problem.norm(r)
     out.reaction = min(out.reaction, problem.norm(g - r))
     out.first_residual = residual if out.assemblies == 0 else out.first_residual
-    reference = max(problem.norm(problem.external_force(state, lam)), out.reaction, 1e-3 * out.first_residual, problem.force_scale)
+    other = _inertia(problem, state) if problem.force_scale > 0 else 1e-3 * out.first_residual
+    reference = max(problem.norm(problem.external_force(state, lam)), out.reaction, other, problem.force_scale)
     out.assemblies += 1
     out.residual = residual
     out.residual_relative = residual / reference if reference > 0 else (0.0 if residual == 0 else np.inf)
@@ -133,6 +139,12 @@ def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: 
     if tolerance < residual < 0.1 * reference:
         residual = problem.norm(_beyond_rounding(problem, state, data, r))
     return g, data, reference, residual <= tolerance
+
+
+def _inertia(problem: Problem, state: State) -> float:
+    """Norm of the inertial force, N."""
+    x = problem.shell.positions(state)
+    return max((float(np.linalg.norm(load.force(x))) for load in problem.loads if isinstance(load, Inertia)), default=0.0)
 
 
 def _plain(problem, start, lam, energy, solver, options, out) -> None:
@@ -144,7 +156,7 @@ def _plain(problem, start, lam, energy, solver, options, out) -> None:
         except InadmissibleStateError:
             return
         out.iterations = iteration
-        if done or _no_further(problem, state, step, out.residual, reference):
+        if done or _no_further(problem, state, lam, step, g, out.residual, reference):
             end = problem.energy(state, lam)
             size = np.abs(state.u)  # laws that subtract numbers of order one round their energy by about ε |u|·|K||u|
             noise = 1e-9 * abs(energy) + np.finfo(float).eps * float(size @ (problem.pattern.matrix(np.abs(data)) @ size))
@@ -192,6 +204,10 @@ def _descent(problem, state, lam, energy, solver, options, out) -> None:
             if used_exact and options.tangent != "exact":
                 exact = False
                 continue
+            if _turned(problem, state) > 0.1:  # an edge may stand where its angle to the director jumps by a turn
+                state = problem.shell.accept(state)
+                energy = problem.energy(state, lam)
+                continue
             rounding = _at_rounding(energy, g, step, out.residual, reference, options)
             out.status = "converged" if rounding else "line search failed"
             return
@@ -199,19 +215,28 @@ def _descent(problem, state, lam, energy, solver, options, out) -> None:
             moved = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
             exact = t == 1.0 and (used_exact or (moved < 0.3 and out.residual < previous))
         state, energy, previous = state_new, energy_new, out.residual
-        if iteration % RENEWAL == RENEWAL - 1:  # a sheet that falls over turns too far from its directors
+        if iteration % RENEWAL == RENEWAL - 1 or _turned(problem, state) > LARGEST_TURN:  # too far from the directors
             state = problem.shell.accept(state)
             energy = problem.energy(state, lam)
 
 
-def _solver(problem: Problem, state: State, options: NewtonOptions) -> LinearSolver:
-    modes = None
-    if options.linear_solver == "amg":
-        from mfar_fem.solve.linear import rigid_body_modes
+def _turned(problem: Problem, state: State) -> float:
+    """Largest rotation of an edge since the directors were renewed, rad."""
+    return float(np.abs(state.u[problem.shell.alpha_offset:]).max(initial=0.0))
 
+
+def _solver(problem: Problem, state: State, options: NewtonOptions) -> LinearSolver:
+    method, notes = options.linear_solver, []
+    if method == "auto":
+        method = choose(len(problem.free), wave_travel(problem), problem.surface.order)
+        notes.append(f"linear solver 'auto': {method} for {len(problem.free)} unknowns")
+    modes = None
+    if method == "amg":
         modes = rigid_body_modes(problem.shell, state)[problem.free]
         modes = modes[:, np.linalg.norm(modes, axis=0) > 0]
-    return LinearSolver(options.linear_solver, modes, cache=problem.linear_cache)
+    solver = LinearSolver(method, modes, max_iterations=200, cache=problem.linear_cache, layout=layout(problem), adaptive=True)
+    solver.notes += notes
+    return solver
 
 
 def _direction(problem, state, lam, g, data, exact, solver, options):
@@ -268,13 +293,24 @@ def _beyond_rounding(problem: Problem, state: State, data: np.ndarray, r: np.nda
     return np.maximum(np.abs(r) - floor, 0.0)
 
 
-def _no_further(problem: Problem, state: State, step: np.ndarray | None, residual: float, reference: float) -> bool:
-    """Whether the last full Newton step was at the rounding of the unknowns: thin sheets leave a residual that no step removes."""
+def _no_further(problem: Problem, state: State, lam: float, step: np.ndarray | None, g: np.ndarray, residual: float,
+                reference: float) -> bool:
+    """Whether the last full Newton step was at the rounding of the unknowns: thin sheets leave a residual that no step removes.
+
+    On slivers the strains round much more than the unknowns: there the residual may be what a random last digit of these changes.
+    """
     if step is None or residual > 0.1 * reference:
         return False
     k = problem.shell.alpha_offset
-    size = np.abs(state.u[:k]).max(initial=0.0)
-    return bool(np.abs(step[:k]).max(initial=0.0) <= 1e-13 * size and np.abs(step[k:]).max(initial=0.0) <= 1e-12)
+    size, moved, turned = (np.abs(part).max(initial=0.0) for part in (state.u[:k], step[:k], step[k:]))
+    if moved <= 1e-13 * size and turned <= 1e-12:
+        return True
+    if moved > 1e-10 * size or turned > 1e-9:
+        return False
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), problem.n)
+    change = problem.gradient(state.with_u(state.u * (1.0 + np.finfo(float).eps * signs)), lam) - g
+    change[problem.fixed] = 0.0
+    return residual <= 8.0 * problem.norm(change)
 
 
 def _at_rounding(energy, g, step, residual, reference, options) -> bool:

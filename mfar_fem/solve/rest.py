@@ -265,7 +265,7 @@ class _Relaxation:
         r = g.copy()
         r[problem.fixed] = 0.0
         self.residual = problem.norm(r)
-        reference = max(problem.norm(problem.external_force(self.state, 1.0)), 1e-300)
+        reference = max(problem.norm(problem.external_force(self.state, 1.0)), problem.norm(g - r), 1e-300)
         self.relative = self.residual / reference
 
     def _solve(self, data: np.ndarray, g: np.ndarray) -> np.ndarray | None:
@@ -289,6 +289,8 @@ class _Relaxation:
             return problem.energy(trial, 1.0), trial  # inertia included, zero at the present state
 
         new, trial = at(t)
+        if not new <= energy + 1e-4 * t * slope and self._within_rounding(energy, t * slope, new, trial, step):
+            new = energy + 1e-4 * t * slope
         if new <= energy + 1e-4 * t * slope:
             while t >= 1.0 and new < energy + 0.6 * t * slope and 2.0 * t * turn < 1.0:  # the safe tangent is too stiff
                 further, beyond = at(2.0 * t)
@@ -305,6 +307,19 @@ class _Relaxation:
         self.state = problem.shell.accept(trial) if moved > self.options.renew else trial
         self._anchor()
         return t, problem.energy(self.state, 1.0)
+
+    def _within_rounding(self, energy: float, expected: float, new: float, trial: State, step: np.ndarray) -> bool:
+        """Whether the energy cannot tell, but its slope fell along the step: laws subtract numbers of the size of the stiffness."""
+        problem, shell = self.problem, self.problem.shell
+        size = abs(energy)
+        if shell.with_membrane:
+            stiffness = shell.fabric.membrane_scale * np.abs(shell.fabric.law.tangent_at_rest()).max()
+            size += stiffness * shell.geometry.area_weights.sum()
+        rounding = 8.0 * np.finfo(float).eps * size
+        if not (new <= energy + rounding and -expected < 1e2 * rounding):
+            return False
+        slope = float(problem.gradient(trial, 1.0)[problem.free] @ step[problem.free])
+        return abs(slope) <= 0.9 * abs(float(problem.gradient(self.state, 1.0)[problem.free] @ step[problem.free]))
 
     def _finish(self, energy: float) -> bool:
         """Newton's method without inertia; kept only if it converges to an energy that is not above the present one."""
