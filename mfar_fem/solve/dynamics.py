@@ -51,6 +51,9 @@ class DynamicsOptions:
         Below this the run ends with the named failure, s.
     max_iterations : int
         Newton iterations of a step before it is halved.
+    accept_after : int
+        A step with contact is accepted after this many iterations although its residual is above tolerance (0: never). It lowers
+        the energy and intersects nothing all the same; its residual is in the record, and the result counts such steps.
     linear_solver : str
         See :class:`mfar_fem.solve.linear.LinearSolver`.
     """
@@ -66,6 +69,7 @@ class DynamicsOptions:
     tolerance: float | None = None
     min_dt: float = 1e-7
     max_iterations: int = 300
+    accept_after: int = 0
     linear_solver: str = "direct"
 
     def __post_init__(self):
@@ -162,7 +166,7 @@ class DynamicResult:
     motion : Motion
         The last accepted one.
     records : tuple of StepRecord
-    newton_iterations, wasted_iterations, halvings : int
+    newton_iterations, wasted_iterations, halvings, inexact_steps : int
     timings : dict
         Seconds: ``assembly``, ``solve``, ``total``.
     notes : tuple of str
@@ -176,6 +180,7 @@ class DynamicResult:
     newton_iterations: int
     wasted_iterations: int
     halvings: int
+    inexact_steps: int
     timings: dict[str, float]
     notes: tuple[str, ...]
 
@@ -190,6 +195,7 @@ class _Tally:
     iterations: int = 0
     wasted: int = 0
     halvings: int = 0
+    inexact: int = 0
     assembly: float = 0.0
     solve: float = 0.0
     notes: list[str] = field(default_factory=list)
@@ -312,17 +318,23 @@ class Dynamics:
         if guess is None:
             return "LockingReached"
         touching = self.contact is not None and self.contact.report(shell, guess).pairs > 0
-        settings = replace(options.newton, plain_iterations=0) if touching else options.newton  # full steps bounce off barriers
+        settings = options.newton
+        if touching:  # full steps bounce off barriers
+            settings = replace(settings, plain_iterations=0, max_iterations=options.accept_after or settings.max_iterations)
         result, moves = newton(problem, guess, lam, settings), 0
         self._count(tally, result)
-        while result.converged and done < 1.0 and moves < MAX_MOVES:  # a body on its way pushes the sheet in collision-free moves
+        def good(result) -> bool:
+            return result.converged or bool(touching and options.accept_after and result.status == "iteration limit")
+
+        while good(result) and done < 1.0 and moves < MAX_MOVES:  # a body on its way pushes the sheet in collision-free moves
             (done, base), moves = self.contact.advance(shell, result.state, problem.fixed), moves + 1
             result = newton(problem, base, lam, settings)
             self._count(tally, result)
-        if not result.converged or done < 1.0:
+        if not good(result) or done < 1.0:
             tally.wasted += result.iterations
-            return "BodyBlocked" if result.converged else failure_name(result)
+            return "BodyBlocked" if good(result) else failure_name(result)
         tally.iterations += result.iterations
+        tally.inexact += not result.converged
         state = shell.accept(result.state)
         return self._accept(rule, state, result, t, dt)
 
@@ -501,7 +513,7 @@ class Dynamics:
             "last accepted state is kept")
         timings = {"assembly": tally.assembly, "solve": tally.solve, "total": clock.perf_counter() - begin}
         return DynamicResult(status == "converged", status, message, self.motion, tuple(records), tally.iterations, tally.wasted,
-                             tally.halvings, timings, tuple(dict.fromkeys(tally.notes)))
+                             tally.halvings, tally.inexact, timings, tuple(dict.fromkeys(tally.notes)))
 
     def _adapt(self, record: StepRecord, dt: float) -> None:
         """Step to try next: back to the nominal one after halvings; with a tolerance by the local error and Newton's effort."""

@@ -48,6 +48,8 @@ class Layout:
 class LinearSolver:
     """Solver of symmetric systems; keeps notes of what it had to do.
 
+    ``iterations`` counts those of all iterative solutions, ``memory`` is what the last factorisation or hierarchy takes, bytes.
+
     Parameters
     ----------
     method : {'direct', 'superlu', 'pardiso', 'amg', 'auto'}
@@ -82,7 +84,7 @@ class LinearSolver:
         self.cache = {} if cache is None else cache
         self.layout, self.adaptive = layout, adaptive
         self.notes: list[str] = []
-        self.iterations = 0
+        self.iterations, self.memory = 0, 0
         self._last: tuple[float, float] | None = None
         self._failed = False
 
@@ -105,17 +107,19 @@ class LinearSolver:
     # -- direct ------------------------------------------------------------------------------------------------------------
     def _superlu(self, A: csr_matrix):
         """The order of elimination is kept for matrices of one pattern: it costs up to as much as the factorisation."""
-        order = self.cache.get("superlu")
-        if order is not None and order.fits(A):
-            return order.solver(factorise(order.matrix(A), "NATURAL").solve)
         from mfar_fem.solve.ordering import Reordered, nested_dissection
 
+        order = self.cache.get("superlu")
         if order is None and self.layout is not None and A.shape[0] >= DISSECTED:
             order = self.cache["superlu"] = Reordered(A, nested_dissection(A, self.layout.places))
-            return order.solver(factorise(order.matrix(A), "NATURAL").solve)
+        if order is not None and order.fits(A):
+            lu = factorise(order.matrix(A), "NATURAL")
+            self.memory = 12 * lu.nnz
+            return order.solver(lu.solve)
         lu = factorise(csc_matrix((A.data, A.indices, A.indptr), shape=A.shape), "MMD_AT_PLUS_A")  # symmetric: the transpose is it
         if order is None:
             self.cache["superlu"] = Reordered(A, np.argsort(lu.perm_c))
+        self.memory = 12 * lu.nnz
         return lu.solve
 
     def _pardiso_factor(self, A: csr_matrix):
@@ -125,7 +129,9 @@ class LinearSolver:
         if solver is None or not solver.fits(A):
             solver = self.cache["pardiso"] = SymmetricPardiso(A)
         try:
-            return solver.factor(A)
+            solve = solver.factor(A)
+            self.memory = solver.memory
+            return solve
         except ArithmeticError as error:
             raise SingularMatrixError(str(error)) from error
 
@@ -173,8 +179,11 @@ class LinearSolver:
         from mfar_fem.solve.amg import ShellMultigrid, multigrid
 
         if self.layout is None or self.near_nullspace is None:
-            return multigrid(A, self.near_nullspace)
-        return ShellMultigrid(A, self.layout.positions, self.near_nullspace)
+            cycle, self.memory = multigrid(A, self.near_nullspace)
+            return cycle
+        preconditioner = ShellMultigrid(A, self.layout.positions, self.near_nullspace)
+        self.memory = preconditioner.memory
+        return preconditioner
 
     def _tolerance(self, b: np.ndarray) -> float:
         """Relative residual to reach for this right-hand side."""

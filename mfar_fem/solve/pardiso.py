@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import weakref
 from collections.abc import Callable
 
@@ -24,6 +25,7 @@ class SymmetricPardiso:
         counts = np.bincount(rows[self._upper], minlength=A.shape[0])
         self._triangle = (A.indices[self._upper].astype(np.int32), np.concatenate([[0], np.cumsum(counts)]).astype(np.int32))
         self._solver = PyPardisoSolver(mtype=SYMMETRIC_INDEFINITE)
+        os.environ.setdefault("PYPARDISO_MKL_RT", self._solver.libmkl._name)  # else every instance searches the disk for it
         for parameter, value in ((1, 1), (2, 2), (8, 2), (10, 13), (11, 1), (13, 1), (24, 0)):
             self._solver.set_iparm(parameter, value)
         self._analysed = False
@@ -33,6 +35,11 @@ class SymmetricPardiso:
         """Whether ``A`` has the pattern that was analysed."""
         same = A.indices is self._indices and A.indptr is self._indptr
         return same or (np.array_equal(A.indptr, self._indptr) and np.array_equal(A.indices, self._indices))
+
+    @property
+    def memory(self) -> int:
+        """Bytes that the analysis and the factors take."""
+        return 1024 * (int(self._solver.get_iparm(16)) + int(self._solver.get_iparm(17)))
 
     def factor(self, A: csr_matrix) -> Callable[[np.ndarray], np.ndarray]:
         """Factorise; the result solves for (n,) or (n, k). It is valid until the next call.
