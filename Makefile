@@ -32,7 +32,7 @@ $(BIN)/python:
 
 # Stamps: installed again only when pyproject.toml changes. The second holds everything of the first.
 $(VENV)/installed: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster,contact,fast]'
 	@touch $@
 
 $(VENV)/installed-dev: pyproject.toml | $(BIN)/python

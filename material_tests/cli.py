@@ -10,10 +10,12 @@ from typing import Annotated, Any
 
 import typer
 
+from material_tests import lab_cli
 from mfar_fem.cli.console import check_writable, emit
 from mfar_fem.errors import InputError, MissingDependencyError, NotConvergedError
 
-app = typer.Typer(help="Virtual textile tests: strip (ASTM D5035), cantilever (ASTM D1388).", no_args_is_help=True)
+app = typer.Typer(help="Virtual textile tests on a fabric preset or a fabric file.", no_args_is_help=True)
+lab_cli.register(app)
 
 _FABRIC = Annotated[str, typer.Argument(help="A preset (see `mfar fabrics`) or a fabric file (TOML).")]
 _OUT = Annotated[Path | None, typer.Option("--out", help="Folder for the curve or shape (CSV) and the plot (PNG).")]

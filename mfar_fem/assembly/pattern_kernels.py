@@ -9,7 +9,7 @@ jit = njit(cache=True, error_model="numpy")
 
 @jit
 def locate(dofs, indptr, indices, out):
-    """Write where entry (i, j) of each element matrix is stored: ``dofs`` (ne, nd), ``out`` (ne, nd²), rows of sorted ``indices``."""
+    """Write to ``out`` (ne, nd²) where the entries of each element matrix are stored; ``dofs`` (ne, nd), ``indices`` sorted."""
     ne, nd = dofs.shape
     for e in range(ne):
         for i in range(nd):

@@ -20,7 +20,7 @@ from mfar_fem.materials.fabric import Fabric
 from mfar_fem.solve.dynamics import Dynamics, DynamicsOptions
 from mfar_fem.solve.integrators import step_rule
 from mfar_fem.solve.linear import LinearSolver, SingularMatrixError, _pardiso, rigid_body_modes
-from mfar_fem.solve.solver_choice import choose, layout, wave_travel
+from mfar_fem.solve.solver_choice import RULE, layout, wave_travel
 from mfar_fem.supports import Support
 from mfar_fem.surface import Surface
 from mfar_fem.surface.patterns import strip
@@ -122,8 +122,7 @@ def run_linear_solvers(full: bool = False, cells: dict[int, Sequence[int]] | Non
                 if progress is not None:
                     progress(f"order {order}, {A.shape[0]} unknowns, " + ("statics" if dt is None else f"{1e3 * dt:g} ms"))
     return {"fabric": "silk-charmeuse", "side_m": SIDE, "rows": rows, "crossover": crossovers(rows),
-            "rule": {f"{direct}_order{order}": next((n for n in (3e3, 1e4, 3e4, 1e5, 3e5) if choose(int(n), 100.0, order, direct) == "amg"),
-                                                      None) for direct in ("superlu", "pardiso") for order in (1, 2)}}
+            "rule": RULE}
 
 
 def crossovers(rows: Sequence[dict]) -> list[dict]:
@@ -150,9 +149,10 @@ def render_linear_solvers(payload: dict) -> list:
     for r in payload["rows"]:
         step = "statics" if r["dt_s"] is None else f"{1e3 * r['dt_s']:g}"
         again, memory = (f"{r[key]:.3g}" if r.get(key) is not None else "fails" for key in ("again_s", "memory_mb"))
-        table.add_row(str(r["order"]), str(r["unknowns"]), step, r["method"], f"{r['first_s']:.3g}" if r["first_s"] else "fails", again,
-                      f"{r['iterations']} | {r['iterations_loose']}" if r["method"] == "amg" else "", memory)
-    lines = []
+        first = "fails" if r["first_s"] is None else f"{r['first_s']:.3g}"
+        iterations = f"{r['iterations']} | {r['iterations_loose']}" if r["method"] == "amg" else ""
+        table.add_row(str(r["order"]), str(r["unknowns"]), step, r["method"], first, again, iterations, memory)
+    lines = [payload["rule"]]
     for c in payload["crossover"]:
         step = "statics" if c["dt_s"] is None else f"{1e3 * c['dt_s']:g} ms"
         where = f"from {c['amg_faster_from']} unknowns" if c["amg_faster_from"] else "at no size measured"

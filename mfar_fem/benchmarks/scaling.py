@@ -66,7 +66,8 @@ def run_scaling(triangles: Sequence[int] = TRIANGLES, linear_solver: str = "dire
     rows = []
     for size in triangles:
         cells = max(2, int(np.ceil(np.sqrt(size / 2))))
-        code = f"import json; from mfar_fem.benchmarks.scaling import one_step; print(json.dumps(one_step({cells}, {linear_solver!r})))"
+        code = ("import json; from mfar_fem.benchmarks.scaling import one_step; "
+                f"print(json.dumps(one_step({cells}, {linear_solver!r})))")
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
         if done.returncode:
             raise InputError(f"the run with {size} triangles failed: {done.stderr.strip()[-300:]}")
@@ -90,8 +91,8 @@ def render_scaling(payload: dict) -> list:
     for r in payload["rows"]:
         table.add_row(str(r["triangles"]), str(r["unknowns"]), *(f"{r[key]:.3g}" for key in ("setup_s", "first_step_s", "step_s")),
                       str(r["iterations"]), f"{r['peak_rss_gb']:.2f}")
-    return [table, f"time of a step grows like triangles to the {payload['slope_step']:.2f} (first step {payload['slope_first_step']:.2f}, "
-            f"set-up {payload['slope_setup']:.2f})"]
+    return [table, f"time of a step grows like triangles to the {payload['slope_step']:.2f} (first step "
+            f"{payload['slope_first_step']:.2f}, set-up {payload['slope_setup']:.2f})"]
 
 
 def save_scaling(folder: Path, payload: dict) -> list[str]:

@@ -10,10 +10,12 @@ from typing import Annotated, Any
 import typer
 
 from mfar_fem.benchmarks import BENCHMARKS
+from mfar_fem.cli import benchmark_time
 from mfar_fem.cli.console import check_writable, emit, progress
 from mfar_fem.errors import InputError
 
 app = typer.Typer(help="Shell benchmarks with exact or published references, and timings.", no_args_is_help=True)
+benchmark_time.register(app)
 
 _JSON = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 _ORDER = Annotated[int, typer.Option(help="Order of the shell: 1 or 2.", min=1, max=2)]
@@ -121,28 +123,6 @@ def hinge_cantilever(out: _OUT = None, as_json: _JSON = False) -> None:
         raise typer.Exit(3)
 
 
-def _drape_command(name: str):
-    def command(fidelity: Annotated[str, typer.Option(help="draft, standard or reference.")] = "standard",
-                duration: Annotated[float, typer.Option(help="Simulated time, s.", min=1e-3)] = 1.0,
-                cells: Annotated[int | None, typer.Option(help="Cells along a side (39: 40 x 40 vertices).", min=2)] = None,
-                self_contact: Annotated[bool, typer.Option("--self-contact", help="The cloth may touch itself.")] = False,
-                as_json: _JSON = False) -> None:
-        from mfar_fem.benchmarks.drape_scenes import run
-
-        with progress(f"{name}, {fidelity}", duration) as advance:
-            payload = run(name, fidelity, duration, self_contact, lambda t: advance(0, completed=t), cells=cells)
-        emit(payload, as_json, _render_drape)
-        if not payload["converged"]:
-            raise typer.Exit(3)
-
-    command.__doc__ = f"Silk, 0.3 m square, that falls on a {name.split('-')[1]}: wall time per simulated second."
-    return command
-
-
-for _name in ("drape-sphere", "drape-cylinder"):
-    app.command(_name)(_drape_command(_name))
-
-
 # -- what people see -------------------------------------------------------------------------------------------------------
 
 
@@ -183,26 +163,6 @@ def _render(payload: Mapping[str, Any]):
     if not payload["converged"]:
         shown.append(f"[bold red]not converged[/bold red]: {escape(payload['message'])}")
     return shown
-
-
-def _render_drape(payload: Mapping[str, Any]):
-    from rich.table import Table
-
-    level = f"{payload['fidelity']} (order {payload['order']})"
-    title = f"{payload['benchmark']}, {level}, {payload['elements']} triangles, {1e3 * payload['dt']:g} ms"
-    table = Table(title=title, title_justify="left")
-    for heading in ("code", "wall s per simulated s"):
-        table.add_column(heading, justify="left" if heading == "code" else "right")
-    if payload["wall_s_per_simulated_s"] is not None:
-        table.add_row("this one", f"{payload['wall_s_per_simulated_s']:.1f} (aim {payload['aim_s']:g})")
-    for row in payload["public"]:
-        span = f"{row['from_s']:g}" if row["from_s"] == row["to_s"] else f"{row['from_s']:g}–{row['to_s']:g}"
-        table.add_row(row["code"], span)
-    iterations = f", {payload['newton_iterations']} Newton iterations" if payload["newton_iterations"] else ""
-    distance = "" if payload["least_distance_m"] is None else f"; least distance {1e3 * payload['least_distance_m']:.3g} mm"
-    touching = {None: "", True: "; it INTERSECTS", False: "; no intersection"}[payload["intersects"]]
-    return [table, f"{payload['steps']} steps{iterations}, {payload['simulated_s']:g} s simulated{distance}{touching}",
-            "the public figures are for other materials and say what a step costs, no more"]
 
 
 def _render_assembly(payload: Mapping[str, Any]):

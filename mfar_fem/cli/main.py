@@ -33,6 +33,7 @@ SHORT_HELP = {
     "simulate": "Run a scene file: motion in time, contact, drape; survives a kill.",
     "tradeoff": "Time, memory and error of a scene at every level, with a recommendation.",
     "benchmark": "Shell benchmarks with exact or published references, and timings.",
+    "stress-test": "Random extreme cases: each converges and is verified, or fails by name; never NaN, never a hang.",
     "study": "Longer studies: synthetic round trip, every law on the cupro curves, sensitivities.",
     "mesh": "Triangle meshes: check one, convert it, make strips, discs and annuli.",
 }

@@ -164,7 +164,8 @@ def _render_run(payload: Mapping[str, Any]):
     shown = [f"{payload['scene']} ({payload['fabric']}), {payload['fidelity']}: {state}, {escape(payload['message'])}"]
     if payload.get("wall_s_per_simulated_s"):
         rate = f"{payload['wall_s_per_simulated_s']:.1f} s per simulated s"
-        shown.append(f"{payload['steps']} steps, {seconds['compute']:.1f} s of computing ({rate}), {seconds['output']:.1f} s of writing")
+        times = f"{seconds['compute']:.1f} s of computing ({rate}), {seconds['output']:.1f} s of writing"
+        shown.append(f"{payload['steps']} steps, {times}")
     if "energy" in payload:
         stable = {True: "stable", False: "unstable", None: "stability not known"}[payload["stable"]]
         residual = f"static residual {payload['residual']:.1e} N ({payload['residual_relative']:.1e} of the load)"

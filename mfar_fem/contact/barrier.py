@@ -119,7 +119,8 @@ class Barrier:
     subdivision : int, optional
         Flat parts of an element's edge; default: the order of the surface.
     body_size : float, optional
-        Edge length of the bodies' meshes, m; default: 1.5 times that of the sheet.
+        Edge length of the bodies' meshes, m; default: 1.5 times that of the sheet, less on bodies so round that flat facets would
+        deviate from them by more than a quarter of ``dhat``.
     friction_iterations : int
         How often a driver should solve a step, calling :meth:`refresh_friction` in between. With 1, the usual choice, normal forces
         and directions of friction are those at the start of the step.
@@ -174,7 +175,8 @@ class Barrier:
         IntersectingStartError
             With self-contact, where parts of the flat reference sheet that do not adjoin are nearer than ``dhat``.
         """
-        self.mesh = CollisionMesh(shell.surface, self.bodies, self.self_contact, self.subdivision, self.body_size)
+        self.mesh = CollisionMesh(shell.surface, self.bodies, self.self_contact, self.subdivision, self.body_size,
+                                  0.25 * self.dhat)
         self._motion = BodyAdvance(self.mesh, 0.0)
         self._friction = LaggedFriction(self.mesh, self.friction, self.self_friction, self.eps_v)
         self._snapshot: _Snapshot | None = None

@@ -116,6 +116,12 @@ def subdivide(surface: Surface, count: int) -> Subdivision:
     return Subdivision(weights_map, ids[:, np.array(pieces)].reshape(-1, 3), np.repeat(np.arange(nt), len(pieces)))
 
 
+def facet(body, deviation: float) -> float:
+    """Longest edge, m, of flat facets that deviate from a round body by at most ``deviation`` (m); inf where there is no radius."""
+    radius = getattr(body, "radius", None)
+    return np.inf if radius is None else float(np.sqrt(8.0 * radius * deviation))
+
+
 class CollisionMesh:
     """Sheet and bodies as ipctk sees them.
 
@@ -144,7 +150,7 @@ class CollisionMesh:
     """
 
     def __init__(self, surface: Surface, bodies: Sequence = (), self_contact: bool = False, subdivision: int | None = None,
-                 body_size: float | None = None):
+                 body_size: float | None = None, deviation: float = np.inf):
         ipc = ipctk()
         count = surface.order if subdivision is None else subdivision
         if not (isinstance(count, (int, np.integer)) and count >= 1):
@@ -155,7 +161,7 @@ class CollisionMesh:
         self.edge_length = float(np.linalg.norm(sheet[edges[:, 1]] - sheet[edges[:, 0]], axis=1).mean())
         # a plane is exact on two triangles, and every edge of its mesh would cost time
         size = body_size or BODY_SIZE * self.edge_length
-        meshes = [b.mesh(b.extent if isinstance(b, Plane) else size) for b in bodies]
+        meshes = [b.mesh(b.extent if isinstance(b, Plane) else min(size, facet(b, deviation))) for b in bodies]
         self.bodies, self.self_contact, self.elements = tuple(bodies), bool(self_contact), pieces.elements
         self.n_sheet, self.n_nodes = len(sheet), len(surface.nodes)
         ends = self.n_sheet + np.cumsum([0] + [len(v) for v, _ in meshes])

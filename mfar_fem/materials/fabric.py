@@ -24,6 +24,8 @@ from .law import Law, law_class, law_names
 
 _KEYS = ("name", "description", "thickness", "areal_density", "law", "bending", "sources")
 _BENDING = ("warp", "weft", "twist", "coupling")
+ALIASES = {"polyester-faille": "faille"}
+"""Other names of presets."""
 _PRESETS = Path(__file__).parent / "presets"
 _PRETTY = {"m": ("mm",), "kg/m^2": ("g/m^2",), "N*m": ("uN*m",)}
 
@@ -110,6 +112,7 @@ class Fabric:
         DataFileError
             The file is wrong; the message names file, line and key.
         """
+        source = ALIASES.get(source, source) if isinstance(source, str) else source
         if isinstance(source, str) and source in fabric_names():
             return _read(TomlFile.read(_PRESETS / f"{source}.toml"))
         path = Path(source)

@@ -20,6 +20,8 @@ import numpy as np
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.linalg import splu
 
+from mfar_fem.solve.linear import factorise
+
 Operator = Callable[[np.ndarray], np.ndarray]
 
 
@@ -85,7 +87,7 @@ class ShellMultigrid:
         S = A[:m, :m]
         if m < A.shape[0]:
             rotations = A[m:, m:].tocsr()
-            self._rotations = splu(rotations.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            self._rotations = factorise(rotations.tocsc(), "MMD_AT_PLUS_A")
             lumped = np.asarray(abs(rotations).sum(axis=1)).ravel()
             S = S - self._coupling @ diags(1.0 / lumped) @ self._transposed
         nodes, block = np.unique(positions // 3, return_inverse=True)

@@ -46,7 +46,7 @@ def conjugate_gradients(A, b: np.ndarray, preconditioner: Operator, rtol: float,
             return x, iteration - 1, "not finite"
         if rz <= 0.0:
             return x, iteration - 1, "negative curvature"
-        p = z if p is None else z + (rz / old) * p
+        p = z.copy() if p is None else z + (rz / old) * p
         old = rz
         Ap = A @ p
         curvature = dot(p, Ap)

@@ -17,8 +17,8 @@ import numpy as np
 from mfar_fem.shell import State
 from mfar_fem.solve.inertia import Inertia
 from mfar_fem.solve.linear import LinearSolver, SingularMatrixError, rigid_body_modes
-from mfar_fem.solve.solver_choice import choose, layout, wave_travel
 from mfar_fem.solve.problem import InadmissibleStateError, Problem
+from mfar_fem.solve.solver_choice import choose, layout, wave_travel
 
 
 @dataclass(frozen=True)

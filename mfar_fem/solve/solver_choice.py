@@ -10,6 +10,8 @@ from mfar_fem.solve.linear import Layout, _pardiso
 FEWEST = {("superlu", 1): 30_000, ("superlu", 2): 100_000, ("pardiso", 1): 100_000, ("pardiso", 2): 300_000}
 """Unknowns from which AMG is faster, by direct solver and order, as measured in steps of up to :data:`LONGEST` edges."""
 LONGEST = 150.0
+RULE = (f"'auto' takes AMG in steps in which a membrane wave passes at most {LONGEST:g} nodes, from "
+        + ", ".join(f"{n} unknowns at order {order} ({direct})" for (direct, order), n in FEWEST.items()) + "; else 'direct'")
 
 
 def choose(unknowns: int, travel: float, order: int, direct: str | None = None) -> str:

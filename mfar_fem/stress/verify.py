@@ -4,11 +4,11 @@ The residual is computed anew from :mod:`mfar_fem.stress.plain` (complex-step de
 weights and masses from closed forms, held unknowns from the geometry of the case, velocities and accelerations from the textbook
 formulas of the integrators. It must be below
 
-.. math:: 10\,\mathrm{rtol}\,F + 32\,\rho
+.. math:: 10\,\mathrm{rtol}\,F + 16\,\rho
 
 where F is the largest of external forces, reactions and inertia (the solvers' own reference also counts forces met on the way:
 hence the digit of leeway), and :math:`\rho` is what rounding can do: how much the residual changes when every unknown is moved by
-a random last digit (root mean square of three draws). Where :math:`32\rho > 0.1 F` the verification cannot tell and the case
+a random last digit (root mean square of three draws). Where :math:`16\rho > 0.1 F` the verification cannot tell and the case
 counts as not verified.
 """
 
@@ -22,7 +22,7 @@ from mfar_fem.stress.cases import Case
 from mfar_fem.stress.plain import PlainSheet
 
 LEEWAY = 10.0
-ROUNDING = 32.0
+ROUNDING = 16.0
 BLIND = 0.1
 EPS = np.finfo(float).eps
 

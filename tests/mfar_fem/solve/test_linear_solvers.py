@@ -83,3 +83,38 @@ def test_statics_with_amg_reaches_the_same_state():
         assert result.converged
         states.append(problem.shell.positions(result.state))
     assert states[0] == pytest.approx(states[1], abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["superlu", PARDISO])
+def test_the_next_matrix_of_a_pattern_is_solved_in_the_order_of_the_first(stretched, method):
+    A, b, _ = stretched
+    solver = LinearSolver(method)
+    solver.factor(A)(b)
+    kept = solver.cache[method]
+    other = (2.0 * A).tocsr()
+    both = np.stack([b, -3.0 * b], axis=1)
+    x = solver.factor(other)(both)
+    assert solver.cache[method] is kept and solver.memory > 0
+    assert np.linalg.norm(other @ x - both) < 1e-8 * np.linalg.norm(both)
+
+
+def test_another_pattern_is_solved_too(stretched):
+    A, b, _ = stretched
+    solver = LinearSolver("superlu")
+    solver.factor(A)(b)
+    wider = (A + 1e-3 * abs(A).max() * diags([1.0, 1.0], [-200, 200], shape=A.shape) + 1e-2 * abs(A).max() * diags(np.ones(len(b)))).tocsr()
+    wider.sort_indices()
+    x = solver.factor(wider)(b)
+    assert np.linalg.norm(wider @ x - b) < 1e-8 * np.linalg.norm(b)
+
+
+def test_dissected_and_minimum_degree_orders_agree(stretched, monkeypatch):
+    import mfar_fem.solve.linear as linear
+
+    A, b, _ = stretched
+    monkeypatch.setattr(linear, "DISSECTED", 10)
+    rng = np.random.default_rng(5)
+    solver = LinearSolver("superlu", layout=linear.Layout(np.zeros(0, dtype=int), rng.normal(size=(len(b), 3))))
+    x = solver.factor(A)(b)
+    y = LinearSolver("superlu").factor(A)(b)
+    assert np.linalg.norm(x - y) < 1e-6 * np.linalg.norm(y)
