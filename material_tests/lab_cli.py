@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
 def drape(
     name: Annotated[str | None, typer.Argument(metavar="[FABRIC]", help="A preset or a fabric file (TOML).")] = None,
     fabric: Annotated[str | None, typer.Option("--fabric", help="The same as an option.")] = None,
-    size: Annotated[str, typer.Option(help="Specimen and disc: iso-24, iso-30, iso-36 or jis.")] = "iso-30",
+    size: Annotated[str, typer.Option(help="Specimen and disc: iso-24, iso-30, iso-36 or jis-254.")] = "iso-30",
     fidelity: _FIDELITY = "standard",
     table: Annotated[bool, typer.Option("--table", help="All branches: starts with 2 to 10 folds, and flat falls.")] = False,
     folds: Annotated[

@@ -13,7 +13,8 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 
 
 def test_there_are_notebooks():
-    assert [p.stem for p in NOTEBOOKS] == ["01_calibrate_a_fabric", "02_which_law", "03_shell_verification"]
+    assert [p.stem for p in NOTEBOOKS] == [
+        "01_calibrate_a_fabric", "02_which_law", "03_shell_verification", "04_speed_against_accuracy", "05_drape_a_fabric"]
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)

@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from mfar_fem.errors import InputError
+from mfar_fem.errors import InputError, ParameterError
 from mfar_fem.loads import GRAVITY, edge_load, gravity
 from mfar_fem.materials import Bending, Fabric
 from mfar_fem.materials.law import get_law, law_names
@@ -244,7 +245,7 @@ def draw(seed: int, index: int) -> Case:
         pull = stiffness * float(10 ** rng.uniform(-4.0, -1.0))
     if kind == "dynamics" and support == "pulled":
         compression = 0.0  # its ends start where the cloth is and move during the run
-    return Case(seed=seed, index=index, kind=kind, order=order, cells=(nx, ny), size=size,
+    case = Case(seed=seed, index=index, kind=kind, order=order, cells=(nx, ny), size=size,
                 diagonals=pick(("right", "union", "criss")),
                 sliver=pick(SLIVERS), aspect=aspect, law=law, shape=shape, stiffness=stiffness, bending=log("bending"),
                 twist=float(rng.uniform(0.2, 0.5)), thickness=log("thickness"), density=float(rng.uniform(200.0, 1300.0)),
@@ -252,6 +253,12 @@ def draw(seed: int, index: int) -> Case:
                 weight=log("gravity") if rng.random() < 0.7 else 1.0, pull=pull, dt=log("dt"),
                 method=pick(("implicit-euler", "bdf2", "generalized-alpha"), (0.5, 0.25, 0.25)),
                 mass=pick(("consistent", "lumped")), steps=int(rng.integers(2, 6)))
+    for _ in range(60):
+        with contextlib.suppress(ParameterError):  # a modulus beyond 1e13 Pa: a thicker sheet has the stiffness with less
+            case.fabric()
+            break
+        case = replace(case, thickness=1.5 * case.thickness)
+    return case
 
 
 def _shape(law: str, rng, log) -> dict:

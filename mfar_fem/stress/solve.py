@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 import warnings
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -136,7 +136,11 @@ def _rest(case: Case, surface, out: Outcome) -> None:
     options = RestOptions()
     problem = resting_problem(surface, case.fabric(), case.supports(surface), case.loads())
     result = relax(problem, case.start(problem), options)
-    out.status, out.message, out.state, out.iterations = result.status, result.message, result.state, result.iterations
+    out.iterations = result.iterations
+    if not result.converged:  # what a user does next: a hundredth of the tensile stiffness first
+        result = relax(problem, case.start(problem), replace(options, softening=(0.01,)))
+        out.iterations += result.iterations
+    out.status, out.message, out.state = result.status, result.message, result.state
     out.reached = float(result.converged)
     verifier = Verifier(case, surface, problem.shell.fabric, options.rtol)
     numbers = [result.energy, result.membrane, result.bending, result.residual, result.residual_relative, result.history]
