@@ -1,5 +1,7 @@
 """Contact in motion: no accepted step intersects, friction holds and lets go, bodies push, folds rest on folds."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,7 @@ def square(side=0.1, cells=4, at=(0.0, 0.0, 0.0), order=1):
 
 def free_of_intersections(dynamics):
     """Checks every accepted step by ipctk, nothing remembered."""
+
     def check(record):
         assert not dynamics.contact.has_intersections(dynamics.problem.shell, dynamics.motion.state), record.time
         assert record.distance is None or record.distance > 0
@@ -40,7 +43,9 @@ def free_of_intersections(dynamics):
 @pytest.mark.parametrize("order", [1, 2])
 def test_cloth_falls_on_a_sphere_and_never_enters_it(order):
     ball = Sphere((0.0, 0.0, 0.0), 0.05, friction=0.3)
-    d = Dynamics(square(0.12, 6, (0.0, 0.0, 0.053), order), SILK, (), [WEIGHT], contact=Barrier([ball]), options=DynamicsOptions(rtol=1e-4))
+    d = Dynamics(
+        square(0.12, 6, (0.0, 0.0, 0.053), order), SILK, (), [WEIGHT], contact=Barrier([ball]), options=DynamicsOptions(rtol=1e-4)
+    )
     result = d.run(0.1, free_of_intersections(d))
     assert result.converged and result.records[-1].contacts > 10
     x = d.problem.shell.positions(result.state)
@@ -52,8 +57,14 @@ def test_a_sheet_on_a_slope_sticks_below_the_friction_angle_and_slips_above(angl
     """μ = tan 18°. The slope is level, gravity is turned: a = g (sin α − μ cos α) once it slides."""
     mu, a = np.tan(np.radians(18.0)), np.radians(angle)
     g = G * np.array([np.sin(a), 0.0, -np.cos(a)])
-    d = Dynamics(square(0.05, 2, (0.0, 0.0, 2e-3)), SILK, (), [gravity(SILK.areal_density, g)], contact=Barrier([Plane(friction=mu)]),
-                 options=DynamicsOptions(rtol=1e-6))
+    d = Dynamics(
+        square(0.05, 2, (0.0, 0.0, 2e-3)),
+        SILK,
+        (),
+        [gravity(SILK.areal_density, g)],
+        contact=Barrier([Plane(friction=mu)]),
+        options=DynamicsOptions(rtol=1e-6),
+    )
     settled = d.run(0.15)  # it comes to lie on the slope first
     before = d.motion.kinematics.v.reshape(-1, 3)[:, 0].mean()
     result = d.run(0.25, free_of_intersections(d))
@@ -62,14 +73,14 @@ def test_a_sheet_on_a_slope_sticks_below_the_friction_angle_and_slips_above(angl
     if slides:
         assert gained / 0.1 == pytest.approx(G * (np.sin(a) - mu * np.cos(a)), rel=0.05)
     else:
-        assert abs(d.motion.kinematics.v.reshape(-1, 3)[:, 0].mean()) < 1.1e-3  # creeps at the speed eps_v of the regularisation at most
+        assert abs(d.motion.kinematics.v.reshape(-1, 3)[:, 0].mean()) < 1.1e-3  # creeps no faster than eps_v
 
 
 def test_a_folded_cloth_rests_on_itself():
     """A limp strip, folded over: its upper layer falls on the lower one and lies there, and no step crosses it."""
     length, gap = 0.06, 6e-3
     p = strip(length, 0.012, 30, 3, "union")
-    surface = Surface(p.vertices + [0.0, 0.0, 2e-3], p.triangles, 1, boundary=p.boundary)
+    surface = Surface(p.vertices + np.array([0.0, 0.0, 2e-3]), p.triangles, 1, boundary=p.boundary)
     limp = SILK.replace(bending=Bending(1e-8, 1e-8, 5e-9))
     s, turn = surface.nodes[:, 0], 0.5 * np.pi * gap
     flat = 0.5 * (length - turn)
@@ -100,17 +111,57 @@ def test_a_body_moves_five_centimetres_in_one_step():
 
 
 def test_a_touching_start_is_refused_with_what_would_do():
-    data = {"fabric": "silk-charmeuse", "duration": "10 ms", "sheet": [{"kind": "rectangle", "size": ["0.1 m", "0.1 m"], "centred": True,
-            "at": ["0 m", "0 m", "0.03 m"]}], "body": [{"kind": "sphere", "radius": "0.05 m", "name": "ball"}]}
+    data = {
+        "fabric": "silk-charmeuse",
+        "duration": "10 ms",
+        "sheet": [{"kind": "rectangle", "size": ["0.1 m", "0.1 m"], "centred": True, "at": ["0 m", "0 m", "0.03 m"]}],
+        "body": [{"kind": "sphere", "radius": "0.05 m", "name": "ball"}],
+    }
     with pytest.raises(IntersectingStartError, match=r"ball.*move it by at least .* mm"):
         engine(scene_from_dict(data, "standard", cells=4))
 
 
 def test_every_level_supports_the_cloth():
     """The same scene at all levels: the sheet lies on the plane, none of it below."""
-    data = {"fabric": "silk-charmeuse", "duration": "80 ms", "sheet": [{"kind": "rectangle", "size": ["0.1 m", "0.1 m"], "at":
-            ["0 m", "0 m", "5 mm"]}], "body": [{"kind": "plane", "friction": 0.3}], "contact": {"distance": "1 mm"}}
+    data = {
+        "fabric": "silk-charmeuse",
+        "duration": "80 ms",
+        "sheet": [{"kind": "rectangle", "size": ["0.1 m", "0.1 m"], "at": ["0 m", "0 m", "5 mm"]}],
+        "body": [{"kind": "plane", "friction": 0.3}],
+        "contact": {"distance": "1 mm"},
+    }
     for level in ("draft", "standard", "reference"):
         e = engine(scene_from_dict(data, level, cells=3))
         assert e.advance(0.08, lambda row: None).status == "converged"
         assert 0 < e.nodes()[:, 2].min() and e.nodes()[:, 2].max() < 3e-3, level
+
+
+FIGURE = Path(__file__).resolve().parents[4] / "shared" / "data" / "vision" / "bodies" / "anny_female_rest.obj"
+
+
+@pytest.mark.skipif(not FIGURE.exists(), reason="the measured bodies are not part of the project")
+@pytest.mark.parametrize(
+    "level, duration, cells", [("draft", 0.25, 12), pytest.param("standard", 0.12, 12, marks=pytest.mark.slow)]
+)
+def test_silk_falls_over_a_figure(level, duration, cells):
+    """A scanned-like body (27 000 triangles): the cloth lies on head and shoulders, and no vertex is inside."""
+    from mfar_fem.contact.body import MeshBody
+
+    body = MeshBody.load(FIGURE)
+    top = float(body.mesh()[0][:, 2].max())
+    data = {
+        "fabric": "silk-charmeuse",
+        "duration": "1 s",
+        "sheet": [{"kind": "rectangle", "size": ["0.4 m", "0.4 m"], "centred": True, "at": ["0 m", "0 m", f"{top + 0.01} m"]}],
+        "body": [{"kind": "mesh", "file": str(FIGURE), "friction": 0.3}],
+        "contact": {"distance": "2 mm"},
+        "air": {"normal": "0.6 kg/m^3"},
+    }
+    e = engine(scene_from_dict(data, level, cells=cells))
+    assert e.advance(duration, lambda row: None).status == "converged"
+    nodes = e.nodes()
+    distance = body.signed_distance(nodes)[0]
+    assert distance.min() > -1e-9 and np.sum(distance < 4e-3) > 3
+    assert nodes[:, 2].max() > top - 0.01 and nodes[:, 2].min() < top - 0.05
+    if level == "standard":
+        assert not e.barrier.has_intersections(e.dynamics.problem.shell, e.dynamics.motion.state)

@@ -9,15 +9,15 @@ from mfar_fem.errors import InputError
 
 
 def test_linear_solvers_of_a_small_square(tmp_path):
-    payload = run_linear_solvers(cells={1: (8, 12)}, repeats=1)
-    assert {row["unknowns"] for row in payload["rows"]} == {3 * 81 - 6 + 208, 3 * 169 - 6 + 456}
+    payload = run_linear_solvers(cells={1: (6, 18)}, repeats=1)
+    assert {row["unknowns"] for row in payload["rows"]} == {3 * 49 - 6 + 120, 3 * 361 - 6 + 1008}
     for row in payload["rows"]:
-        assert row["started"] and row["note"] or row["residual"] < (2e-2 if row["method"] == "amg" else 1e-9)
+        assert row["started"] and not row["note"] and row["residual"] < (2e-2 if row["method"] == "amg" else 1e-9)
     iterations = {r["dt_s"]: r["iterations"] for r in payload["rows"] if r["method"] == "amg" and r["unknowns"] > 500}
     assert iterations[0.5e-3] < iterations[20e-3]
     assert render_linear_solvers(payload)
-    assert all((tmp_path / name).stat().st_size > 0 for name in ("linear_solvers.csv", "linear_solvers.png")
-               ) if save_linear_solvers(tmp_path, payload) else False
+    save_linear_solvers(tmp_path, payload)
+    assert all((tmp_path / name).stat().st_size > 0 for name in ("linear_solvers.csv", "linear_solvers.png"))
 
 
 def test_a_crossover_needs_all_larger_sizes():
