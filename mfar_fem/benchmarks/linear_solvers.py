@@ -102,7 +102,9 @@ def run_linear_solvers(full: bool = False, cells: dict[int, Sequence[int]] | Non
     dict
         ``rows`` (order, unknowns, dt_s, travel, method, first_s, again_s, iterations to 1e-8, iterations_loose to 1e-2, residual,
         memory_mb, note) and ``crossover``: for each order, time step and direct solver the least size measured at which AMG was
-        faster ``again`` (None: at none), with the time ratio at the largest.
+        faster ``again`` (None: at none), with all time ratios; ``rule``: what ``auto`` does. The rule is
+        stricter than the crossover of single systems:
+        whole steps meet indefinite tangents, on which AMG falls back, and the loose solutions cost iterations.
     """
     methods = ["superlu"] + (["pardiso"] if _pardiso() is not None else []) + ["amg"]
     rows = []

@@ -137,7 +137,7 @@ class LinearSolver:
 
     # -- iterative ---------------------------------------------------------------------------------------------------------
     def _amg(self, A: csr_matrix):
-        """Conjugate gradients; the hierarchy of an earlier matrix serves until it takes twice the iterations it took at first."""
+        """Conjugate gradients; the hierarchy of an earlier matrix serves until it takes twice the iterations or so."""
         fallback: dict = {}
 
         def one(b):
@@ -159,7 +159,7 @@ class LinearSolver:
         kept = self.cache.get("amg")
         if kept is not None and kept[0] == A.shape:
             _, preconditioner, per_digit = kept
-            x, iterations, status = conjugate_gradients(A, b, preconditioner, rtol, int(2 * per_digit * digits) + 3)
+            x, iterations, status = conjugate_gradients(A, b, preconditioner, rtol, int(2 * per_digit * max(digits, 4.0)) + 3)
             self.iterations += iterations
             if status == "converged":
                 return x, ""

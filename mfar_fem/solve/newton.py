@@ -133,12 +133,12 @@ def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: 
     reference = max(problem.norm(problem.external_force(state, lam)), out.reaction, other, problem.force_scale)
     out.assemblies += 1
     out.residual = residual
-    out.residual_relative = residual / reference if reference > 0 else (0.0 if residual == 0 else np.inf)
+    out.residual_relative = 0.0 if residual == 0 else residual / reference if 0 < reference and np.isfinite(residual) else np.inf
     out.residuals.append(residual)
     tolerance = max(options.atol, options.rtol * reference)
     if tolerance < residual < 0.1 * reference:
         residual = problem.norm(_beyond_rounding(problem, state, data, r))
-    return g, data, reference, residual <= tolerance
+    return g, data, reference, np.isfinite(residual) and residual <= tolerance  # forces may be too large to be squared
 
 
 def _inertia(problem: Problem, state: State) -> float:
@@ -272,19 +272,31 @@ def _line_search(problem, state, lam, energy, g, step, options):
     t = min(1.0, options.max_rotation / rotation) if rotation > 0 else 1.0
     t *= problem.max_step(state, t * step)
     slope = float(g @ step)
-    rounding = 1e-11 * max(abs(energy), abs(slope))
+    rounding = None
     for _ in range(options.max_backtracks):
         trial = state.with_u(state.u + t * step)
         new = problem.energy(trial, lam)
         if np.isfinite(new):
             if problem.conservative and new <= energy + 1e-4 * t * slope:
                 return t, trial, new
+            if rounding is None:
+                rounding = max(1e-11 * max(abs(energy), abs(slope)), energy_rounding(problem, state, lam))
             if not problem.conservative or (new <= energy + rounding and -t * slope < 1e3 * rounding):
                 slope_new = float(problem.gradient(trial, lam)[problem.free] @ step[problem.free])
                 if abs(slope_new) <= 0.9 * abs(slope):
                     return t, trial, new
         t *= 0.5
     return 0.0, state, energy
+
+
+def energy_rounding(problem: Problem, state: State, lam: float) -> float:
+    """What rounding can do to the potential, J: its terms may cancel, and laws subtract numbers of the size of their stiffness."""
+    shell = problem.shell
+    size = shell.energy(state) + sum(abs(load.energy(shell, state, lam)) for load in problem.loads)
+    if shell.with_membrane:
+        stiffness = shell.fabric.membrane_scale * np.abs(shell.fabric.law.tangent_at_rest()).max()
+        size += stiffness * float(shell.geometry.area_weights.sum())
+    return 8.0 * np.finfo(float).eps * size
 
 
 def _beyond_rounding(problem: Problem, state: State, data: np.ndarray, r: np.ndarray) -> np.ndarray:
@@ -297,22 +309,22 @@ def _no_further(problem: Problem, state: State, lam: float, step: np.ndarray | N
                 reference: float) -> bool:
     """Whether the last full Newton step was at the rounding of the unknowns: thin sheets leave a residual that no step removes.
 
-    On slivers the strains round much more than the unknowns: there the residual may be what a random last digit of these changes.
+    The step must be small, and the residual what a few random digits in the last place of the unknowns change: on slivers strains
+    round much more than the unknowns, and far from rest a tangent may be so stiff that a small step means nothing.
     """
     if step is None or residual > 0.1 * reference:
         return False
     k = problem.shell.alpha_offset
     size, moved, turned = (np.abs(part).max(initial=0.0) for part in (state.u[:k], step[:k], step[k:]))
-    if moved <= 1e-13 * size and turned <= 1e-12:
-        return True
     if moved > 1e-10 * size or turned > 1e-9:
         return False
+    digits = 1e3 if moved <= 1e-13 * size and turned <= 1e-12 else 8.0
     signs = np.random.default_rng(0).choice((-1.0, 1.0), problem.n)
     change = problem.gradient(state.with_u(state.u * (1.0 + np.finfo(float).eps * signs)), lam) - g
     change[problem.fixed] = 0.0
-    return residual <= 8.0 * problem.norm(change)
+    return residual <= digits * problem.norm(change)
 
 
 def _at_rounding(energy, g, step, residual, reference, options) -> bool:
     """Whether no step helps because the residual is at rounding level of the element forces (and already small)."""
-    return residual <= 1e3 * options.rtol * reference and abs(float(g @ step)) <= 1e-10 * max(abs(energy), 1e-300)
+    return residual <= 10.0 * options.rtol * reference and abs(float(g @ step)) <= 1e-10 * max(abs(energy), 1e-300)

@@ -22,7 +22,7 @@ from mfar_fem.shell import State
 from mfar_fem.solve.inertia import Inertia
 from mfar_fem.solve.integrators import Kinematics, step_rule
 from mfar_fem.solve.linear import LinearSolver, SingularMatrixError, negative_eigenvalues
-from mfar_fem.solve.newton import NewtonOptions, newton
+from mfar_fem.solve.newton import NewtonOptions, energy_rounding, newton
 from mfar_fem.solve.problem import InadmissibleStateError, Problem
 
 CONTACT_DT, STIFFENINGS = 0.05, 8
@@ -309,13 +309,9 @@ class _Relaxation:
         return t, problem.energy(self.state, 1.0)
 
     def _within_rounding(self, energy: float, expected: float, new: float, trial: State, step: np.ndarray) -> bool:
-        """Whether the energy cannot tell, but its slope fell along the step: laws subtract numbers of the size of the stiffness."""
-        problem, shell = self.problem, self.problem.shell
-        size = abs(energy)
-        if shell.with_membrane:
-            stiffness = shell.fabric.membrane_scale * np.abs(shell.fabric.law.tangent_at_rest()).max()
-            size += stiffness * shell.geometry.area_weights.sum()
-        rounding = 8.0 * np.finfo(float).eps * size
+        """Whether the energy cannot tell, but its slope fell along the step."""
+        problem = self.problem
+        rounding = energy_rounding(problem, self.state, 1.0)
         if not (new <= energy + rounding and -expected < 1e2 * rounding):
             return False
         slope = float(problem.gradient(trial, 1.0)[problem.free] @ step[problem.free])

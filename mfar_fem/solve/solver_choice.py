@@ -7,15 +7,20 @@ import numpy as np
 from mfar_fem.solve.inertia import Inertia
 from mfar_fem.solve.linear import Layout, _pardiso
 
-FEWEST = {("superlu", 1): 30_000, ("superlu", 2): 100_000, ("pardiso", 1): 100_000, ("pardiso", 2): 300_000}
-"""Unknowns from which AMG is faster, by direct solver and order, as measured in steps of up to :data:`LONGEST` edges."""
-LONGEST = 150.0
-RULE = (f"'auto' takes AMG in steps in which a membrane wave passes at most {LONGEST:g} nodes, from "
-        + ", ".join(f"{n} unknowns at order {order} ({direct})" for (direct, order), n in FEWEST.items()) + "; else 'direct'")
+FEWEST, LONGEST = 50_000, 60.0
+"""Free unknowns from which, and nodes a step up to which, AMG is faster than SuperLU at order 1.
+
+Measured on one core in whole time steps of hanging silk charmeuse, CPU seconds a step, AMG : SuperLU : PARDISO. Order 1:
+30k unknowns, 0.5 ms 0.4 : 0.4 : -, 2 ms 1.0 : 0.8 : -; 100k, 0.5 ms 1.2 : 1.7 : 0.8, 2 ms 2.7 : 2.3 : 1.0;
+300k, 0.5 ms 4.2 : 9.1 : 4.1, 2 ms 8.7 : - : 6.0. Order 2: 100k, 0.5 ms 3.1 : 2.5 : 1.2. Long steps start where the tangent is
+indefinite, and AMG falls back.
+"""
+RULE = (f"'auto' takes AMG at order 1 without PARDISO from {FEWEST} unknowns in steps in which a membrane wave passes at most "
+        f"{LONGEST:g} nodes; else 'direct'")
 
 
 def choose(unknowns: int, travel: float, order: int, direct: str | None = None) -> str:
-    """Linear solver, ``amg`` or ``direct``, by the crossover that :mod:`mfar_fem.benchmarks.linear_solvers` measures.
+    """Linear solver, ``amg`` or ``direct``, by the measured crossover (:data:`FEWEST`).
 
     Parameters
     ----------
@@ -27,7 +32,8 @@ def choose(unknowns: int, travel: float, order: int, direct: str | None = None) 
         The direct solver at hand; default: what is installed.
     """
     direct = direct or ("pardiso" if _pardiso() is not None else "superlu")
-    return "amg" if unknowns >= FEWEST[direct, order] and travel <= LONGEST else "direct"
+    pays = direct == "superlu" and order == 1 and unknowns >= FEWEST and travel <= LONGEST
+    return "amg" if pays else "direct"
 
 
 def wave_travel(problem) -> float:

@@ -89,7 +89,8 @@ class Verifier:
 
     def norm(self, r) -> float:
         """Of a residual, N: moments over the mean edge length."""
-        return float(np.sqrt(np.sum(r[: self.n_x] ** 2) + np.sum((r[self.n_x:] / self.length) ** 2)))
+        with np.errstate(over="ignore"):
+            return float(np.sqrt(np.sum(r[: self.n_x] ** 2) + np.sum((r[self.n_x:] / self.length) ** 2)))
 
     def held_value(self, state, lam: float) -> str:
         """Reason why the held nodes are not where they belong, or ''."""
@@ -119,7 +120,9 @@ class Verifier:
         rounding = float(np.sqrt(np.mean(np.square(changes))))
         residual = self.norm(np.where(self.free, r, 0.0))
         reason = self.held_value(state, lam)
-        if not residual <= LEEWAY * self.rtol * reference + ROUNDING * rounding:
+        if not np.isfinite(residual):
+            reason = reason or "the residual has no finite norm"
+        elif not residual <= LEEWAY * self.rtol * reference + ROUNDING * rounding:
             reason = reason or f"residual {residual:.2e} N of {reference:.2e} N, rounding {rounding:.1e} N"
         elif not ROUNDING * rounding <= BLIND * reference:
             reason = reason or f"rounding {rounding:.1e} N hides the residual ({reference:.2e} N is carried)"

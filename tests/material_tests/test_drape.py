@@ -138,11 +138,12 @@ def test_sheet_that_passes_through_itself_is_found_and_not_physical(six):
     assert self_intersection(surface, x)
 
 
-def test_finer_mesh_keeps_the_branch(six, monkeypatch):
-    found = error_against(FAILLE, TINY, six.x, six.row(), cells=(3, 36))
-    assert found["converged"] and found["same_branch"] and found["nodes"] == 6
-    assert abs(found["error_points"]) < 15.0  # 2 x 24 cells are far too few
-    assert abs(found["energy_error"]) < 0.3
+def test_finer_mesh_keeps_the_branch():
+    stiff = study.with_bending(FAILLE, 10.0)  # folds that 24 cells resolve
+    coarse = drape(stiff, TINY, Seed("folds", 4))
+    found = error_against(stiff, TINY, coarse.x, coarse.row(), cells=(4, 48))
+    assert found["converged"] and found["same_branch"] and found["nodes"] == 4
+    assert abs(found["error_points"]) < 3.0 and abs(found["energy_error"]) < 0.05  # measured: 2.2 points, 3.3 %
 
 
 def test_study_changes_what_it_says():

@@ -121,10 +121,21 @@ def test_nested_dissection_is_an_order_that_fills_less_than_the_natural_one():
 
 def test_the_choice_follows_size_and_time_step():
     assert choose(2_000, 1.0, 1, "superlu") == "direct" and choose(300_000, np.inf, 1, "superlu") == "direct"
-    assert choose(100_000, 20.0, 1, "superlu") == "amg"
+    assert choose(100_000, 20.0, 1, "superlu") == "amg" and choose(100_000, 20.0, 1, "pardiso") == "direct"
+    assert choose(100_000, 20.0, 2, "superlu") == "direct" and choose(100_000, 200.0, 1, "superlu") == "direct"
     dynamics = hanging_square(1, 8)
     assert wave_travel(dynamics.problem) == np.inf
     dynamics.run(2e-3)
     one = wave_travel(dynamics.problem)
+    assert one == pytest.approx(2e-3 * np.sqrt(1790 / 0.083) / dynamics.problem.rotation_length, rel=0.6)
     dynamics.inertia.factor *= 0.25
     assert wave_travel(dynamics.problem) == pytest.approx(2 * one)
+
+
+def test_auto_says_what_it_chose(monkeypatch):
+    import mfar_fem.solve.solver_choice as solver_choice
+
+    monkeypatch.setattr(solver_choice, "FEWEST", 100)
+    monkeypatch.setattr(solver_choice, "_pardiso", lambda: None)
+    notes = [hanging_square(1, 8, dt=dt, linear_solver="auto").run(dt).notes for dt in (1e-3, 2e-1)]
+    assert any("'auto': amg" in note for note in notes[0]) and any("'auto': direct" in note for note in notes[1])

@@ -24,7 +24,7 @@ def bent(order, law):
     u, rng = state.u.copy(), np.random.default_rng(order)
     u[:k] += 1e-4 * rng.standard_normal(k)
     x = u[:k].reshape(-1, 3)
-    x[:, 2] += 20.0 * x[:, 0] ** 2
+    x[:, 2] += 2.0 * x[:, 0] ** 2
     u[k:] += 0.1 * rng.standard_normal(len(u) - k)
     return problem, state.with_u(u)
 

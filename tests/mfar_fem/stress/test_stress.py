@@ -59,7 +59,7 @@ def test_locking_strain_of_the_chain():
     from mfar_fem.materials import EightChainSilk
 
     x = 1.0 + locking_strain(EightChainSilk(nu=2.0, eta=0.0))
-    assert x**2 + x**-2 - 2 == pytest.approx(6.0)
+    assert x**2 + x**-2 - 2 == pytest.approx(6.0, rel=1e-3)  # the tension there is 1e8 stiffnesses
 
 
 def test_a_few_cases_through_the_workers(tmp_path):
