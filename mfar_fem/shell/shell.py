@@ -22,7 +22,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mfar_fem.shell import threads
 from mfar_fem.shell.geometry import reference_geometry
 from mfar_fem.surface.mesh import Surface
 
@@ -212,13 +211,9 @@ class Shell:
 
         g = self.geometry
         out = np.empty(len(self.surface.elements))
-        x, alpha, shape = self.positions(state), self.alpha(state), kernels.SHAPES[g.tables.order]
-
-        def work(p: slice) -> None:
-            kernels.bending_energy(shape, x, alpha, state.directors, self.surface.elements[p], g.edge_director[p], g.edge_sign[p],
-                                   *self._shape_tables, g.R_interior[p], g.R_edge[p], g.c0_interior[p], g.c0_edge[p], out[p])
-
-        threads.each(work, threads.halves(len(out)))
+        kernels.bending_energy(kernels.SHAPES[g.tables.order], self.positions(state), self.alpha(state), state.directors,
+                               self.surface.elements, g.edge_director, g.edge_sign, *self._shape_tables,
+                               g.R_interior, g.R_edge, g.c0_interior, g.c0_edge, out)
         return out
 
     def energy(self, state: State) -> float:
@@ -313,23 +308,11 @@ class Shell:
             positions = np.zeros((1, 1), dtype=np.int32)
         alpha = self.alpha(state) if self.with_bending else self._no_alpha
         directors = state.directors if self.with_bending else np.zeros((1, 3))
-        x, S, S_geometric, D = self.positions(state), *(np.ascontiguousarray(a) for a in (S, S_geometric, D))
-        parts = threads.halves(len(self.surface.elements))
-        sums = [(gradient, data)] + [(np.zeros_like(gradient), np.zeros_like(data)) for _ in parts[1:]]
-        bending = self._bending_tables()
-
-        def work(p: slice) -> int:
-            out = sums[parts.index(p)]
-            return kernels.assemble(
-                kernels.SHAPES[t.order], x, alpha, directors, self.surface.elements[p], g.edge_director[p], g.edge_sign[p],
-                *self._shape_tables, t.mean, t.interpolation, g.push[p], g.area_weights[p], S[p], S_geometric[p], D[p],
-                self.with_membrane, self.with_bending, *(a[p] for a in bending), exact, tangent, self.alpha_offset,
-                positions[p] if tangent else positions, *out)
-
-        without_normal = sum(threads.each(work, parts))
-        for other in sums[1:]:
-            gradient += other[0]
-            data += other[1]
+        without_normal = kernels.assemble(
+            kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements, g.edge_director, g.edge_sign,
+            *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights, np.ascontiguousarray(S),
+            np.ascontiguousarray(S_geometric), np.ascontiguousarray(D), self.with_membrane, self.with_bending,
+            *self._bending_tables(), exact, tangent, self.alpha_offset, positions, gradient, data)
         return admissible and not without_normal
 
     # -- parameters -----------------------------------------------------------------------------------------------------------

@@ -49,6 +49,9 @@ class DynamicsOptions:
         Largest local error of a step, m (root mean square over the nodes): the step adapts to it. None: fixed steps.
     min_dt : float
         Below this the run ends with the named failure, s.
+    max_halvings : int
+        Steps that may fail while the time advances by ``dt``, before the run ends with the named failure (fixed steps only: with
+        ``tolerance`` dt is only the largest).
     max_iterations : int
         Newton iterations of a step before it is halved.
     accept_after : int
@@ -68,6 +71,7 @@ class DynamicsOptions:
     stiffness_damping: float = 0.0
     tolerance: float | None = None
     min_dt: float = 1e-7
+    max_halvings: int = 40
     max_iterations: int = 300
     accept_after: int = 0
     linear_solver: str = "direct"
@@ -489,6 +493,7 @@ class Dynamics:
         """
         begin, options = clock.perf_counter(), self.options
         tally, records, status = _Tally(), [], "converged"
+        mark, failed = self.motion.time, 0
         targets = sorted({t for t in stops if self.motion.time < t < until} | {until})
         for target in targets:
             while target - self.motion.time > 1e-9 * options.dt:
@@ -503,14 +508,17 @@ class Dynamics:
                     continue
                 tally.halvings += 1
                 self.motion = replace(self.motion, dt=0.5 * dt)
-                if 0.5 * dt < options.min_dt:
+                if self.motion.time - mark >= options.dt:
+                    mark, failed = self.motion.time, 0
+                failed += 1
+                if 0.5 * dt < options.min_dt or (failed > options.max_halvings and options.tolerance is None):
                     status = outcome
                     break
             if status != "converged":
                 break
         message = f"{self.motion.time:.6g} s reached" if status == "converged" else (
-            f"{status}: {self.motion.time:.6g} s of {until:.6g} s reached; steps below {options.min_dt:.1e} s do not converge; the "
-            "last accepted state is kept")
+            f"{status}: {self.motion.time:.6g} s of {until:.6g} s reached; steps of {2 * self.motion.dt:.1e} s do not converge "
+            f"({failed} failed since {mark:.6g} s); the last accepted state is kept")
         timings = {"assembly": tally.assembly, "solve": tally.solve, "total": clock.perf_counter() - begin}
         return DynamicResult(status == "converged", status, message, self.motion, tuple(records), tally.iterations, tally.wasted,
                              tally.halvings, tally.inexact, timings, tuple(dict.fromkeys(tally.notes)))

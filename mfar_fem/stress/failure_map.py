@@ -94,7 +94,8 @@ def draw_failure_map(rows: Sequence[dict], path: str | Path) -> Path:
             ax.title.set_fontsize(9)
         axes[r, 0].set_ylabel("membrane stiffness, N/m")
     if shades is not None:
-        figure.colorbar(shades, ax=axes, label="share converged in the cell, verified", shrink=0.8)
+        bar = figure.colorbar(shades, ax=axes, label="share converged in the cell, verified (white: no case)", shrink=0.8)
+        bar.ax.set_ylim(0.0, 1.0)
     seen = [o for o in _STYLE if any(row["outcome"] == o for row in rows)]
     handles = [axes[0, 0].scatter([], [], s=_STYLE[o][2], c=_STYLE[o][0], marker=_STYLE[o][1],
                                   label=f"{'named failure' if o == 'failure' else o} ({sum(row['outcome'] == o for row in rows)})")
@@ -115,4 +116,4 @@ def _shade(ax, rows, x, edges):
                 share[i, j] = np.mean(cell)
                 ax.annotate(f"{sum(cell)}/{len(cell)}", (ends[0], stiffness[1]), xytext=(3, -9), textcoords="offset points",
                             fontsize=7)
-    return ax.pcolormesh(edges, STIFFNESS, share, cmap="Greys_r", vmin=0.0, vmax=1.3, zorder=0)
+    return ax.pcolormesh(edges, STIFFNESS, share, cmap="Greys_r", vmin=-1.0, vmax=1.15, zorder=0)
