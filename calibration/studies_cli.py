@@ -110,6 +110,40 @@ def mesh(
     _finish("mesh", payload, folder, as_json, _show_mesh)
 
 
+@app.command()
+def drape(
+    fabric: Annotated[str, typer.Argument(help="A preset with a measured drape, or a fabric file.")] = "faille",
+    fidelity: Annotated[str, typer.Option(help="draft, standard or reference.")] = "draft",
+    size: Annotated[list[str] | None, typer.Option(help="Specimen (repeatable); iso-30 and jis-254 by default.")] = None,
+    out: Out = None,
+    workers: WorkersOption = 2,
+    as_json: Json = False,
+) -> None:
+    """Sweep what is not known of a drape (shear, specimen, hysteresis, twist) and compare the bands with the measurement."""
+    folder = _folder(out, f"drape-{Path(fabric).stem}")
+    from material_tests.drape.study import STUDY_SIZES, render_study, study
+    from mfar_fem.materials import Fabric
+
+    with progress("drape") as advance:
+        payload = study(Fabric.load(fabric), fidelity, sizes=size or STUDY_SIZES, out=folder, workers=workers,
+                        progress=lambda label, _: advance(1, description=label))
+    emit(payload, as_json, render_study)
+
+
+@app.command("drape-inverse")
+def drape_inverse(
+    shear: Annotated[list[float] | None, typer.Option(help="Shear stiffness assumed, N/m (repeatable); 5, 15 and 50.")] = None,
+    data: Annotated[Path | None, typer.Option(help="CSV of the 618 measured fabrics, for the percentiles.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Find the bending rigidity that explains the measured drape of the named Leeds fabrics, and how usual it is."""
+    from material_tests.drape.inverse import inverse_study, render_inverse
+
+    with progress("drape, inverse") as advance:
+        rows = inverse_study(shear=tuple(shear or (5.0, 15.0, 50.0)), data=data, progress=lambda row: advance(1, description=row["name"]))
+    emit({"rows": rows}, as_json, lambda payload: render_inverse(payload["rows"]))
+
+
 def _folder(out: Path | None, name: str) -> Path:
     return check_writable(out if out is not None else Path("out") / f"study-{name}")
 

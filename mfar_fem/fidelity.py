@@ -31,6 +31,9 @@ class Fidelity:
         Length of the cells, m.
     substeps : int or None
         Of position-based dynamics in a time step; None: chosen from stiffness and mesh.
+    accept_after : int
+        Newton iterations after which a step with contact is accepted though its residual is above tolerance (0: never), see
+        :class:`mfar_fem.solve.dynamics.DynamicsOptions`.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Fidelity:
     linear_solver: str = "direct"
     mesh_size: float | None = None
     substeps: int | None = None
+    accept_after: int = 0
 
     def __post_init__(self):
         if self.order not in (0, 1, 2):

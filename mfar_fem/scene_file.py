@@ -49,6 +49,7 @@ _NUMERICS = {
     "rtol": None,
     "linear_solver": None,
     "substeps": None,
+    "accept_after": None,
     "tolerance": "m",
 }
 _BODIES = {

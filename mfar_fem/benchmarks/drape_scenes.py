@@ -87,6 +87,7 @@ def run(
         "steps": len(rows),
         "newton_iterations": e.summary().get("newton_iterations"),
         "halvings": e.summary().get("halvings"),
+        "inexact_steps": e.summary().get("inexact_steps"),
         "unknowns": e.summary()["unknowns"],
         "elements": e.summary()["elements"],
         "self_contact": self_contact,

@@ -74,12 +74,15 @@ def _drape_command(name: str):
     def command(fidelity: Annotated[str, typer.Option(help="draft, standard or reference.")] = "standard",
                 duration: Annotated[float, typer.Option(help="Simulated time, s.", min=1e-3)] = 1.0,
                 cells: Annotated[int | None, typer.Option(help="Cells along a side (39: 40 x 40 vertices).", min=2)] = None,
+                accept_after: Annotated[int | None, typer.Option(help="Newton iterations after which a step with contact is "
+                                        "accepted as it is (0: never).", min=0)] = None,
                 self_contact: Annotated[bool, typer.Option("--self-contact", help="The cloth may touch itself.")] = False,
                 as_json: _JSON = False) -> None:
         from mfar_fem.benchmarks.drape_scenes import run
 
         with progress(f"{name}, {fidelity}", duration) as advance:
-            payload = run(name, fidelity, duration, self_contact, lambda t: advance(0, completed=t), cells=cells)
+            payload = run(name, fidelity, duration, self_contact, lambda t: advance(0, completed=t), cells=cells,
+                          accept_after=accept_after)
         emit(payload, as_json, _render_drape)
         if not payload["converged"]:
             raise typer.Exit(3)
@@ -139,6 +142,8 @@ def _render_drape(payload: Mapping[str, Any]):
         span = f"{row['from_s']:g}" if row["from_s"] == row["to_s"] else f"{row['from_s']:g}–{row['to_s']:g}"
         table.add_row(row["code"], span)
     iterations = f", {payload['newton_iterations']} Newton iterations" if payload["newton_iterations"] else ""
+    if payload["inexact_steps"]:
+        iterations += f", {payload['inexact_steps']} steps accepted above tolerance"
     distance = "" if payload["least_distance_m"] is None else f"; least distance {1e3 * payload['least_distance_m']:.3g} mm"
     touching = {None: "", True: "; it INTERSECTS", False: "; no intersection"}[payload["intersects"]]
     return [table, f"{payload['steps']} steps{iterations}, {payload['simulated_s']:g} s simulated{distance}{touching}",

@@ -69,11 +69,13 @@ class FiniteElements:
             tolerance=scene.tolerance,
             linear_solver=level.linear_solver,
             mass="lumped" if level.order == 1 else "consistent",
+            accept_after=level.accept_after,
         )
         self.totals: dict[str, Any] = {
             "newton_iterations": 0,
             "wasted_iterations": 0,
             "halvings": 0,
+            "inexact_steps": 0,
             "assembly_s": 0.0,
             "solve_s": 0.0,
         }
@@ -127,6 +129,7 @@ class FiniteElements:
                 ("newton_iterations", result.newton_iterations),
                 ("wasted_iterations", result.wasted_iterations),
                 ("halvings", result.halvings),
+                ("inexact_steps", result.inexact_steps),
                 ("assembly_s", result.timings["assembly"]),
                 ("solve_s", result.timings["solve"]),
             ):
