@@ -140,7 +140,8 @@ def drape_inverse(
     from material_tests.drape.inverse import inverse_study, render_inverse
 
     with progress("drape, inverse") as advance:
-        rows = inverse_study(shear=tuple(shear or (5.0, 15.0, 50.0)), data=data, progress=lambda row: advance(1, description=row["name"]))
+        rows = inverse_study(shear=tuple(shear or (5.0, 15.0, 50.0)), data=data,
+                             progress=lambda row: advance(1, description=row["name"]))
     emit({"rows": rows}, as_json, lambda payload: render_inverse(payload["rows"]))
 
 

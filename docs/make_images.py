@@ -1,4 +1,4 @@
-"""Pictures of the documentation, computed and drawn: ``python docs/make_images.py`` (about a minute).
+"""Pictures of the documentation, computed and drawn: ``python docs/make_images.py`` (some minutes).
 
 The measured strips of cupro SU-1098 in three directions against the calibrated fabric by finite elements, and the strain
 of the bias strip at 18 %: where the grips hold the yarns the weave cannot shear.
@@ -53,8 +53,41 @@ def field(ax, fabric, strip):
     return drawn
 
 
+SCENES = (("swing", "standard", 0.18, None), ("drape-sphere", "draft", 1.0, None), ("drape-body", "draft", 0.35, None),
+          ("cusick", None, None, None))
+"""Scene, level (None: its own), time shown (None: at rest), cells."""
+
+
+def scenes() -> None:
+    """Write ``docs/images/scenes.png``: four of the example scenes side by side."""
+    from dataclasses import replace
+
+    from mfar_fem.scene_file import load_scene
+    from mfar_fem.simulation import simulate
+    from mfar_fem.simulation.pictures import Camera, render
+
+    tiles = []
+    for name, level, time, cells in SCENES:
+        scene = load_scene(name, level, cells=cells)
+        if time is not None:
+            scene = replace(scene, duration=time)
+        result = simulate(scene)
+        bodies = [(b.placed(v, result.time), t) for b in scene.bodies for v, t in [b.mesh()]]
+        points, triangles = result.nodes, result.triangles
+        if name == "cusick":  # the cloth on the disc, which does not move
+            angle = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+            disc = np.vstack([[[0, 0, 0]], 0.09 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])])
+            fan = np.column_stack([np.zeros(120, int), 1 + np.arange(120), 1 + (np.arange(120) + 1) % 120])
+            triangles = np.vstack([triangles, fan + len(points)])
+            points = np.vstack([points, disc])
+        near = [np.clip(v, points.min(axis=0) - 0.1, points.max(axis=0) + 0.1) for v, _ in bodies]
+        tiles.append(render(Camera([points, *near], scene.output.view), (points, triangles), bodies, 400))
+    plt.imsave(FOLDER / "scenes.png", np.hstack(tiles), metadata={"Software": None})
+
+
 def main() -> None:
-    """Write ``docs/images/cupro.png``."""
+    """Write ``docs/images/cupro.png`` and ``scenes.png``."""
+    scenes()
     fabric = Fabric.load("cupro-su1098")
     strips = datasets.load("cupro-su1098").select(role="fit")
     bias = next(e for e in strips if math.isclose(e.direction, math.pi / 4))
