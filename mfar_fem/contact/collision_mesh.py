@@ -161,7 +161,8 @@ class CollisionMesh:
         self.edge_length = float(np.linalg.norm(sheet[edges[:, 1]] - sheet[edges[:, 0]], axis=1).mean())
         # a plane is exact on two triangles, and every edge of its mesh would cost time
         size = body_size or BODY_SIZE * self.edge_length
-        meshes = [b.mesh(b.extent if isinstance(b, Plane) else min(size, facet(b, deviation))) for b in bodies]
+        limit = np.inf if body_size else deviation
+        meshes = [b.mesh(b.extent if isinstance(b, Plane) else min(size, facet(b, limit))) for b in bodies]
         self.bodies, self.self_contact, self.elements = tuple(bodies), bool(self_contact), pieces.elements
         self.n_sheet, self.n_nodes = len(sheet), len(surface.nodes)
         ends = self.n_sheet + np.cumsum([0] + [len(v) for v, _ in meshes])

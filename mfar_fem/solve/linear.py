@@ -106,21 +106,24 @@ class LinearSolver:
 
     # -- direct ------------------------------------------------------------------------------------------------------------
     def _superlu(self, A: csr_matrix):
-        """The order of elimination is kept for matrices of one pattern: it costs up to as much as the factorisation."""
+        """The order of elimination is kept for matrices of one pattern: it costs up to as much as the factorisation.
+
+        The first matrix is factorised again in that order, so that its solution rounds like those of later ones (resumed runs).
+        """
         from mfar_fem.solve.ordering import Reordered, nested_dissection
 
         order = self.cache.get("superlu")
         if order is None and self.layout is not None and A.shape[0] >= DISSECTED:
             order = self.cache["superlu"] = Reordered(A, nested_dissection(A, self.layout.places))
-        if order is not None and order.fits(A):
-            lu = factorise(order.matrix(A), "NATURAL")
-            self.memory = 12 * lu.nnz
-            return order.solver(lu.solve)
-        lu = factorise(csc_matrix((A.data, A.indices, A.indptr), shape=A.shape), "MMD_AT_PLUS_A")  # symmetric: the transpose is it
-        if order is None:
-            self.cache["superlu"] = Reordered(A, np.argsort(lu.perm_c))
+        if order is None or not order.fits(A):
+            lu = factorise(csc_matrix((A.data, A.indices, A.indptr), shape=A.shape), "MMD_AT_PLUS_A")  # symmetric: its transpose
+            if order is not None:  # another pattern than the usual one: contact between parts of the sheet
+                self.memory = 12 * lu.nnz
+                return lu.solve
+            order = self.cache["superlu"] = Reordered(A, np.argsort(lu.perm_c))
+        lu = factorise(order.matrix(A), "NATURAL")
         self.memory = 12 * lu.nnz
-        return lu.solve
+        return order.solver(lu.solve)
 
     def _pardiso_factor(self, A: csr_matrix):
         from mfar_fem.solve.pardiso import SymmetricPardiso

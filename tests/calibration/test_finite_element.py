@@ -103,7 +103,7 @@ def test_refine_starts_twice_and_keeps_the_better(tmp_path):
     assert len(list(tmp_path.glob("fe-draft-*.json"))) == 2
     again = refine(problems, first, "fe-draft", folder=tmp_path, max_evaluations=6)
     assert again[0].fit.n_evaluations <= results[0].fit.n_evaluations  # resumed, nothing done twice
-    assert again[0].fit.cost == pytest.approx(results[0].fit.cost, rel=1e-9)
+    assert again[0].fit.cost == pytest.approx(results[0].fit.cost, rel=1e-8)  # the tolerance of the equilibrium
 
 
 @pytest.mark.slow

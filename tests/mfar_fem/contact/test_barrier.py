@@ -49,7 +49,8 @@ def lifted(shell: Shell, height, noise: float = 0.0, seed: int = 0):
 
 
 def bound(shell: Shell, *bodies, **options) -> Barrier:
-    barrier = Barrier(bodies, **{"dhat": DHAT, "stiffness": 50.0, **options})
+    size = 1.5 * float(shell.surface.edge_lengths.mean()) / shell.surface.order
+    barrier = Barrier(bodies, **{"dhat": DHAT, "stiffness": 50.0, "body_size": size, **options})
     barrier.bind(shell)
     return barrier
 
