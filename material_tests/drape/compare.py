@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from material_tests.drape.branches import BranchTable, branch_table
 from material_tests.drape.fe import Drape, Seed, drape
 from material_tests.drape.geometry import DrapeTest
 from material_tests.drape.targets import measured
+from mfar_fem.benchmarks.case import warm_up
 
 FROM_FLAT = Seed("flat", 1)
 """The start of a single branch: nearly flat, because a start with n folds would put its answer in."""
@@ -47,12 +49,16 @@ def run(fabric, size: str = "iso-30", fidelity: str = "standard", table: bool = 
     Returns
     -------
     dict
-        ``drape_coefficient_percent``, ``nodes``, ``wall_s`` (of the headline branch), ``converged``, ``stable``, ``intersecting``,
+        ``drape_coefficient_percent``, ``nodes``, ``wall_s`` (of the headline branch), ``start_up_s`` (loading kernels and solver,
+        apart), ``converged``, ``stable``, ``intersecting``,
         ``physical``, energies (J), ``depth_m``, ``outline`` (``theta_deg``, ``radius_m``), ``amplitudes_m``, ``measured``,
         ``branches``, ``lowest``, ``fallen``, ``spread`` and ``table_wall_s`` (with ``table``), ``against_reference``, ``files``.
     """
     test = DrapeTest(size, fidelity)
     found = None
+    begin = time.perf_counter()
+    warm_up(2)
+    start_up = time.perf_counter() - begin
     if table:
         found = branch_table(fabric, test, out=out, workers=workers, self_contact=self_contact,
                              progress=None if progress is None else lambda done, total, row: progress(done, total, _line(row)))
@@ -62,7 +68,7 @@ def run(fabric, size: str = "iso-30", fidelity: str = "standard", table: bool = 
         report = None if progress is None else (
             lambda i, energy, residual: progress(i, 0, f"energy {energy:.4e} J, residual {residual:.1e}"))
         head = drape(fabric, test, seed, self_contact=self_contact, progress=report).row()
-    payload = _payload(fabric, test, head, self_contact)
+    payload = _payload(fabric, test, head, self_contact) | {"start_up_s": start_up}
     if found is not None:
         payload |= _table(found)
     if against_reference:

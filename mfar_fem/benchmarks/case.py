@@ -87,13 +87,17 @@ def final(benchmark: str, source: str) -> dict[str, float]:
 
 
 def warm_up(order: int) -> None:
-    """Load (or compile) the kernels of one order, so that a clock started afterwards measures the work."""
+    """Load (or compile) kernels of one order and the direct solver, so that a clock started afterwards measures the work."""
+    from scipy.sparse import eye_array
+
+    from mfar_fem.solve.linear import LinearSolver
     from mfar_fem.surface import Surface
     from mfar_fem.surface.patterns import strip
 
     problem = Problem(Surface.from_pattern(strip(1.0, 1.0, 1, 1), order), sheet(1.0, 0.0, 0.1))
     problem.tangent(problem.start(), 0.0, True)
     problem.energy(problem.start(), 0.0)
+    LinearSolver().factor(eye_array(4, format="csr"))(np.ones(4))
 
 
 def run_case(name: str, order: int, mesh: tuple[int, int], build: Callable[[], Case], progress=None) -> dict:
