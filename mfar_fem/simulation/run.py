@@ -18,7 +18,7 @@ from mfar_fem.simulation.files import History, Series, flat, load_checkpoint, sa
 from mfar_fem.surface.mesh import Surface
 
 FRAMES = 25
-"""Frames of a run that does not say how often it wants one."""
+"""About how many frames a run has that does not say how often it wants one."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,8 @@ class _Run:
         begin = now()
         self.engine: Engine = engine(scene)
         self.duration = float(scene.duration or 0.0)
-        every = scene.output.every or self.duration / FRAMES
+        dt = scene.level.dt  # frames that were not asked for do not shorten steps
+        every = scene.output.every or dt * max(1, round(self.duration / FRAMES / dt))
         count = int(np.floor(self.duration / every * (1 + 1e-12)))
         self.times = [every * i for i in range(count + 1)]
         if self.times[-1] < self.duration * (1 - 1e-9):
