@@ -187,10 +187,10 @@ def _render_tradeoff(payload: Mapping[str, Any]):
             str(row["cells"]),
             f"{1e3 * row['dt']:g}",
             str(row["unknowns"]),
-            f"{row['wall_s']:.1f}",
+            f"{row['wall_s']:.3g}",
             f"{row['memory_MB']:.0f}",
             *errors,
         )
     chosen = payload["recommended"]
-    text = f"for {1e3 * payload['tolerance_m']:g} mm: {chosen['label']} ({chosen['wall_s']:.1f} s)"
+    text = f"for {1e3 * payload['tolerance_m']:g} mm: {chosen['label']} ({chosen['wall_s']:.3g} s)"
     return [table, text, *(f"written: {name}" for name in payload["files"])]
