@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -21,13 +20,13 @@ from typing import Any
 from material_tests.drape.fe import OPTIONS, Seed, drape
 from material_tests.drape.geometry import DrapeTest
 from mfar_fem.errors import InputError
+from mfar_fem.processes import one_thread
 
 FOLDS = tuple(range(2, 11))
 FLAT = (1, 2, 3)
 FALLS = (1,)
 FORMAT = 1
 """Counts changes of what a stored branch means; a stored one of another format is not used."""
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def default_seeds(folds: Sequence[int] = FOLDS, flat: Sequence[int] = FLAT, falls: Sequence[int] = FALLS,
@@ -125,7 +124,7 @@ def _computed(fabric, test, todo: dict[str, Seed], workers: int, self_contact: b
         for key, seed in todo.items():
             yield key, drape(fabric, test, seed, self_contact=self_contact).row()
         return
-    with _single_threaded(), ProcessPoolExecutor(min(workers, len(todo)), get_context("spawn")) as pool:
+    with one_thread(), ProcessPoolExecutor(min(workers, len(todo)), get_context("spawn")) as pool:
         futures = {pool.submit(_branch, fabric, test, seed, self_contact): key for key, seed in todo.items()}
         try:
             for future in as_completed(futures):
@@ -136,21 +135,6 @@ def _computed(fabric, test, todo: dict[str, Seed], workers: int, self_contact: b
 
 def _branch(fabric, test, seed, self_contact) -> dict[str, Any]:
     return drape(fabric, test, seed, self_contact=self_contact).row()
-
-
-@contextlib.contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Worker processes started inside inherit one thread each."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 def branch_key(fabric, test: DrapeTest, seed: Seed, self_contact: bool = False) -> str:

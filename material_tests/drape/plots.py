@@ -11,6 +11,7 @@ import numpy as np
 
 from material_tests.drape.geometry import DrapeTest
 from material_tests.drape.measure import flat_triangles
+from mfar_fem.simulation.pictures import vertex_normals
 
 LIGHT = np.array([-0.45, -0.55, 0.75])
 
@@ -83,7 +84,7 @@ def plot_cloth(x: np.ndarray, test: DrapeTest, title: str = "", parts: int = 5, 
 
     surface = test.surface()
     points, triangles = flat_triangles(surface, np.asarray(x, dtype=float), parts)
-    normals = _vertex_normals(points, triangles)
+    normals = vertex_normals(points, triangles)
     light = LIGHT / np.linalg.norm(LIGHT)
     angle = np.radians(np.arange(360.0))
     disc = test.disc_radius * np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
@@ -107,15 +108,6 @@ def plot_cloth(x: np.ndarray, test: DrapeTest, title: str = "", parts: int = 5, 
         axes.set_axis_off()
     figure.suptitle(title, fontsize=10)
     return figure
-
-
-def _vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    area = np.cross(b - a, c - a)
-    normal = np.zeros_like(points)
-    for i in range(3):
-        np.add.at(normal, triangles[:, i], area)
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
 
 
 def _shade(normal: np.ndarray, light: np.ndarray, eye: np.ndarray, colour=(0.62, 0.13, 0.20),

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from mfar_fem.errors import InputError
+from mfar_fem.processes import one_thread
 from mfar_fem.stress.cases import Case, draw
 from mfar_fem.stress.solve import Outcome, run_case
 
 READY_LIMIT = 600.0
 """Seconds a worker may take to start (the kernels may have to be compiled)."""
-_THREADS = ("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def run_stress_test(count: int = 40, seed: int = 0, workers: int = 2, out: str | Path | None = None,
@@ -135,21 +135,6 @@ def _work(connection) -> None:
             connection.send(run_case(connection.recv()))
 
 
-@contextlib.contextmanager
-def _one_thread():
-    """Processes started within use one thread each: several on small matrices only wait for each other."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
 def _cpu_time(pid: int | None) -> float | None:
     """Processor time of a process, s (Linux)."""
     try:
@@ -163,7 +148,7 @@ class _Worker:
     def __init__(self, context):
         self.connection, other = context.Pipe()
         self.process = context.Process(target=_work, args=(other,), daemon=True)
-        with _one_thread():
+        with one_thread():
             self.process.start()
         other.close()
         self.case: Case | None = None
