@@ -524,10 +524,6 @@ class Barrier:
         s = self._at(shell, state)
         self._friction.lag(s.vertices, s.collisions, self._potential)
 
-    def continue_step(self, shell: Shell, state: State) -> float:
-        """Move the bodies further in the present step while the sheet stays at ``state``; returns the fraction done in all."""
-        return self._move_bodies(self._at(shell, state).x)
-
     def end_step(self, shell: Shell, state: State) -> None:
         """After an accepted step: make the barrier stiffer where it lets contacts come too near."""
         s = self._at(shell, state)

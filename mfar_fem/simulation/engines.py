@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
@@ -316,8 +315,3 @@ def _row(record: StepRecord) -> dict[str, float]:
 def engine(scene: Scene) -> Engine:
     """The engine of a scene in time at its level."""
     return PositionLevel(scene) if scene.level.order == 0 else FiniteElements(scene)
-
-
-def now() -> float:
-    """Wall clock, s."""
-    return clock.perf_counter()

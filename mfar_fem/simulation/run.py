@@ -7,13 +7,14 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from mfar_fem.errors import DataFileError, InputError
 from mfar_fem.scene import Scene
-from mfar_fem.simulation.engines import Advance, Engine, engine, now
+from mfar_fem.simulation.engines import Advance, Engine, engine
 from mfar_fem.simulation.files import History, Series, flat, load_checkpoint, save_checkpoint, save_json
 from mfar_fem.surface.mesh import Surface
 
@@ -124,7 +125,7 @@ def simulate(
 class _Run:
     def __init__(self, scene: Scene, folder: Path | None, resume: bool, key: str, progress):
         self.scene, self.folder, self.key, self.progress = scene, folder, key, progress
-        begin = now()
+        begin = perf_counter()
         self.engine: Engine = engine(scene)
         self.duration = float(scene.duration or 0.0)
         dt = scene.level.dt  # frames that were not asked for do not shorten steps
@@ -147,32 +148,32 @@ class _Run:
         if folder is not None and not resume:
             (folder / "result.json").unlink(missing_ok=True)
             self._checkpoint()
-        self.seconds["setup"] = now() - begin
+        self.seconds["setup"] = perf_counter() - begin
 
     def go(self) -> SimulationResult:
         outcome = Advance("converged", "", self.engine.time)
         tiny = 1e-9 * self.duration
         for number, t in enumerate(self.times):
             if t > self.engine.time + tiny:
-                begin, written = now(), self.seconds["output"]
+                begin, written = perf_counter(), self.seconds["output"]
                 outcome = self.engine.advance(t, self._step)
-                self.seconds["compute"] += now() - begin - (self.seconds["output"] - written)
+                self.seconds["compute"] += perf_counter() - begin - (self.seconds["output"] - written)
             if outcome.status != "converged":
                 break
             if self.output is not None:
-                begin = now()
+                begin = perf_counter()
                 self.output.frame(number, t, fresh=self.resumed_at is None or t >= self.resumed_at - tiny)
-                self.seconds["output"] += now() - begin
+                self.seconds["output"] += perf_counter() - begin
         return self._finish(outcome)
 
     def _step(self, row: dict[str, float]) -> None:
-        begin = now()
+        begin = perf_counter()
         if self.history is not None:
             self.history.add(row)
             self._checkpoint()
         else:
             self.rows.append(row)
-        self.seconds["output"] += now() - begin
+        self.seconds["output"] += perf_counter() - begin
         if self.progress is not None:
             self.progress(row | {"until": self.duration})
 
@@ -182,9 +183,9 @@ class _Run:
 
     def _finish(self, outcome: Advance) -> SimulationResult:
         scene, e = self.scene, self.engine
-        begin = now()
+        begin = perf_counter()
         files = [] if self.output is None else self.output.close()
-        self.seconds["output"] += now() - begin
+        self.seconds["output"] += perf_counter() - begin
         done = outcome.status == "converged"
         reached = e.time - (self.resumed_at or 0.0)
         payload: dict[str, Any] = {

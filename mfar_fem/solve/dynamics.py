@@ -233,6 +233,9 @@ class Dynamics:
                  options: DynamicsOptions | None = None, bending: bool = True, schedule: Callable[[float], float] | None = None,
                  start: State | None = None, velocity: np.ndarray | None = None):
         self.options = options or DynamicsOptions()
+        if contact is not None and self.options.method == "generalized-alpha":
+            raise InputError("generalized-alpha weights forces of the step before, which a barrier does not keep: with contact use "
+                             "'implicit-euler' or 'bdf2'")
         self.inertia = Inertia(fabric.areal_density, self.options.mass, self.options.mass_damping)
         self.drag, self.contact = tuple(drag), contact
         extra = [self.inertia, *self.drag] + ([contact] if contact is not None else [])
@@ -350,15 +353,15 @@ class Dynamics:
         problem, k = self.problem, self.motion.kinematics
         best, lowest = None, np.inf
         pushed = base is not self.motion.state
-        for x in (rule.xa + k.a / rule.ca, rule.xa, base.u[: len(k.x)]):
-            if best is not None and x.base is base.u:
+        for x, moves in ((rule.xa + k.a / rule.ca, True), (rule.xa, True), (base.u[: len(k.x)], False)):
+            if best is not None and not moves:
                 break
             u = base.u.copy()
             u[: len(x)] = x
             u[problem.fixed] = held
             trial = base.with_u(u)
             if self.contact is not None:
-                if x.base is not base.u:
+                if moves:
                     lifted = self.contact.lifted(u[: len(x)].reshape(-1, 3), base.u[: len(x)].reshape(-1, 3))
                     u[: len(x)] = lifted.ravel()
                     u[problem.fixed] = held

@@ -9,6 +9,7 @@ from mfar_fem.contact.barrier import Barrier
 from mfar_fem.contact.body import Plane, Sphere
 from mfar_fem.contact.motion import Motion
 from mfar_fem.contact.start import IntersectingStartError
+from mfar_fem.errors import InputError
 from mfar_fem.loads import gravity
 from mfar_fem.materials import Bending, Fabric
 from mfar_fem.scene_file import scene_from_dict
@@ -108,6 +109,11 @@ def test_a_body_moves_five_centimetres_in_one_step():
     assert ball.signed_distance(x, 4e-3)[0].min() > 0
     assert x[:, 2].max() > 0.02  # the sheet was carried along by the ball, whose top is at 40 mm
     assert d.motion.time == pytest.approx(4e-3)
+
+
+def test_an_integrator_that_contact_cannot_follow_is_refused():
+    with pytest.raises(InputError, match="'implicit-euler' or 'bdf2'"):
+        Dynamics(square(at=(0.0, 0.0, 0.01)), SILK, contact=Barrier([Plane()]), options=DynamicsOptions(method="generalized-alpha"))
 
 
 def test_a_touching_start_is_refused_with_what_would_do():
