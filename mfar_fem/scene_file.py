@@ -176,9 +176,10 @@ def _level(file: TomlFile, name: str | None, overrides: Mapping[str, Any]) -> tu
     changes = dict(overrides)
     tolerance = changes.pop("tolerance", None) or tolerance
     try:
-        return LEVELS[name].override(**given).override(**changes), tolerance
+        level = LEVELS[name].override(**given)
     except (MfarError, TypeError) as error:
         raise file.error(str(error), "numerics") from error
+    return level.override(**changes), tolerance  # what an option asks for wrongly is not the file's fault
 
 
 def _fabric(file: TomlFile) -> Fabric:
