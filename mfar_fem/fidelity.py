@@ -7,6 +7,9 @@ from dataclasses import dataclass, fields, replace
 from mfar_fem.errors import ParameterError, UnknownNameError
 from mfar_fem.solve.integrators import METHODS
 
+CONTACT_ERROR = 0.5
+"""Error left in a step with contact, as a share of the step's own: a thousandth of what halving the step changes (docs)."""
+
 
 @dataclass(frozen=True)
 class Fidelity:
@@ -31,9 +34,10 @@ class Fidelity:
         Length of the cells, m.
     substeps : int or None
         Of position-based dynamics in a time step; None: chosen from stiffness and mesh.
-    accept_after : int
-        Newton iterations after which a step with contact is accepted though its residual is above tolerance (0: never), see
-        :class:`mfar_fem.solve.dynamics.DynamicsOptions`.
+    iteration_error : float or None
+        Error that Newton's method may leave in a time step, as a share of the local error of the step (0: only the residual
+        counts), see :class:`mfar_fem.solve.dynamics.DynamicsOptions`. None: 0.5 in scenes with contact, where the last digits of
+        a residual are dear, else 0.
     """
 
     name: str
@@ -45,7 +49,7 @@ class Fidelity:
     linear_solver: str = "direct"
     mesh_size: float | None = None
     substeps: int | None = None
-    accept_after: int = 0
+    iteration_error: float | None = None
 
     def __post_init__(self):
         if self.order not in (0, 1, 2):
@@ -56,8 +60,14 @@ class Fidelity:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ParameterError(f"{name} must be positive, got {value!r}")
+        if self.iteration_error is not None and not self.iteration_error >= 0:
+            raise ParameterError(f"iteration_error must be at least 0, got {self.iteration_error!r}")
         if self.method not in METHODS:
             raise ParameterError(f"unknown time integrator '{self.method}'; choose one of {', '.join(METHODS)}")
+
+    def error_left(self, contact: bool) -> float:
+        """The ``iteration_error`` of a scene with or without contact."""
+        return (CONTACT_ERROR if contact else 0.0) if self.iteration_error is None else self.iteration_error
 
     def size(self, longest: float) -> float:
         """Length of the cells, m, on a sheet whose longest side is ``longest`` (m)."""

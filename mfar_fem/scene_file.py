@@ -49,7 +49,7 @@ _NUMERICS = {
     "rtol": None,
     "linear_solver": None,
     "substeps": None,
-    "accept_after": None,
+    "iteration_error": None,
     "tolerance": "m",
 }
 _BODIES = {

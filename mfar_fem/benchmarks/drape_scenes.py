@@ -102,3 +102,57 @@ def run(
         "aim_s": AIM[level],
         "public": [{"code": n, "from_s": a, "to_s": b, "what": w} for n, a, b, w in PUBLIC],
     }
+
+
+def error_study(
+    scene: str = "drape-cylinder",
+    shares=(0.0, 0.1, 0.5, 1.0),
+    until: float = 0.3,
+    cells: int | None = None,
+    progress=None,
+) -> dict[str, Any]:
+    """What accepting steps by the error left in them does to the motion, beside half the time step (level ``standard``).
+
+    Parameters
+    ----------
+    scene : str
+    shares : sequence of float
+        Values of ``iteration_error``; 0, every step solved to its residual, is what the others are compared with.
+    until : float
+        Simulated time, s; positions are compared at six times on the way.
+    cells : int, optional
+    progress : callable, optional
+        Called after every run.
+
+    Returns
+    -------
+    dict
+        ``runs``: for each the share, the time step, iterations a step, wall s per simulated s, and the root mean square and the
+        largest over the times of the distance of the nodes from the solved run, m.
+    """
+    times = np.linspace(until / 6.0, until, 6)
+    dt = LEVELS["standard"].dt
+    solved, runs = [], []
+    for share, step in [(s, dt) for s in sorted({0.0, *shares})] + [(0.0, 0.5 * dt)]:
+        loaded = replace(load_scene(scene, "standard", iteration_error=share, dt=step, cells=cells), duration=until)
+        e, rows, states = engine(loaded), [], []
+        clock = time.perf_counter()
+        for t in times:
+            e.advance(float(t), rows.append)
+            states.append(e.nodes())
+        wall = time.perf_counter() - clock
+        solved = solved or states
+        apart = [float(np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1)))) for a, b in zip(states, solved, strict=True)]
+        runs.append(
+            {
+                "iteration_error": share,
+                "dt_s": step,
+                "iterations_per_step": sum(r["iterations"] for r in rows) / len(rows),
+                "wall_s_per_simulated_s": wall / until,
+                "distance_rms_m": float(np.sqrt(np.mean(np.square(apart)))),
+                "distance_largest_m": max(apart),
+            }
+        )
+        if progress is not None:
+            progress(f"{scene}, {1e3 * step:g} ms, share {share:g}")
+    return {"benchmark": "iteration-error", "scene": scene, "until_s": until, "runs": runs}

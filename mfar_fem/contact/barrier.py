@@ -49,6 +49,8 @@ BROAD_PHASES = {"lbvh": "LBVH", "hash-grid": "HashGrid", "spatial-hash": "Spatia
 COLLISION_DETECTION = {"additive": "AdditiveCCD", "tight-inclusion": "TightInclusionCCD"}
 SEGMENT, MAX_SEGMENTS = 8.0, 64
 """A step is searched for collisions in parts of this many mean edges, at most so many of them."""
+KEPT = 4
+"""States whose contacts are remembered: those at the start of a step and of the first guesses are asked for again."""
 TENSION = 1e-3
 """Strain whose tension the barrier is made for, on a curve as wide as the sheet."""
 HARD, STIFFER = 0.1, 1e6
@@ -119,8 +121,8 @@ class Barrier:
     subdivision : int, optional
         Flat parts of an element's edge; default: the order of the surface.
     body_size : float, optional
-        Edge length of the bodies' meshes, m; default: 1.5 times that of the sheet, less on bodies so round that flat facets would
-        deviate from them by more than a quarter of ``dhat``.
+        Edge length of the bodies' meshes, m; default: 1.5 times that of the sheet's elements, less on bodies so round that flat
+        facets would deviate from them by more than a quarter of ``dhat``.
     friction_iterations : int
         How often a driver should solve a step, calling :meth:`refresh_friction` in between. With 1, the usual choice, normal forces
         and directions of friction are those at the start of the step.
@@ -180,6 +182,7 @@ class Barrier:
         self._motion = BodyAdvance(self.mesh, 0.0)
         self._friction = LaggedFriction(self.mesh, self.friction, self.self_friction, self.eps_v)
         self._snapshot: _Snapshot | None = None
+        self._recent: list[_Snapshot] = []
         self._candidates: Any = None
         self._covered: np.ndarray | None = None
         self._margin = self.margin
@@ -232,9 +235,11 @@ class Barrier:
 
     # -- contacts of a state -----------------------------------------------------------------------------------------------
     def _at(self, shell: Shell, state: State) -> _Snapshot:
-        x, s = state.u[: shell.alpha_offset], self._snapshot
-        if s is not None and s.placement == self._motion.placement and np.array_equal(x, s.x):
-            return s
+        x = state.u[: shell.alpha_offset]
+        for s in self._recent:
+            if s.placement == self._motion.placement and np.array_equal(x, s.x):
+                self._snapshot = s
+                return s
         vertices = self._vertices(x)
         if not np.all(np.isfinite(vertices)):
             return _Snapshot(x, -1, vertices, None, -np.inf, False)
@@ -244,6 +249,7 @@ class Barrier:
         squared = collisions.compute_minimum_distance(self.mesh.mesh, vertices) if len(collisions) else np.inf
         distance = float(np.sqrt(squared)) - self.min_distance
         self._snapshot = _Snapshot(x.copy(), self._motion.placement, vertices, collisions, distance)
+        self._recent = [self._snapshot, *self._recent[: KEPT - 1]]
         return self._snapshot
 
     def _away(self, vertices: np.ndarray) -> float:
@@ -560,6 +566,11 @@ class Barrier:
         if s is None or len(s.collisions) == 0:
             return 0, None
         return len(s.collisions), s.distance
+
+    def touches(self, shell: Shell, state: State) -> bool:
+        """Whether any pair is active."""
+        s = self._at(shell, state)
+        return s.collisions is not None and len(s.collisions) > 0
 
     def report(self, shell: Shell, state: State) -> ContactReport:
         """Active pairs, least distance and the force on each body."""

@@ -134,7 +134,7 @@ class CollisionMesh:
     subdivision : int, optional
         Parts of an edge; default: the order of the surface (vertices = nodes).
     body_size : float, optional
-        Edge length wanted of the bodies' meshes, m; default: 1.5 mean edges of the sheet's pieces.
+        Edge length wanted of the bodies' meshes, m; default: 1.5 mean edges of the sheet's elements, whatever their order.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ class CollisionMesh:
         edges = ipc.edges(pieces.triangles.astype(np.int32))
         self.edge_length = float(np.linalg.norm(sheet[edges[:, 1]] - sheet[edges[:, 0]], axis=1).mean())
         # a plane is exact on two triangles, and every edge of its mesh would cost time
-        size = body_size or BODY_SIZE * self.edge_length
+        size = body_size or BODY_SIZE * count * self.edge_length
         limit = np.inf if body_size else deviation
         meshes = [b.mesh(b.extent if isinstance(b, Plane) else min(size, facet(b, limit))) for b in bodies]
         self.bodies, self.self_contact, self.elements = tuple(bodies), bool(self_contact), pieces.elements

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mfar_fem.errors import NotConvergedError
 from mfar_fem.shell.geometry import reference_geometry
 from mfar_fem.surface.mesh import Surface
 
@@ -152,10 +153,18 @@ class Shell:
         return C
 
     def law_response(self, state: State, order: int):
-        """Energy (nt, nq), stress (nt, nq, 3) and tangent (nt, nq, 3, 3) per reference area (N/m), as far as ``order`` asks."""
+        """Energy (nt, nq), stress (nt, nq, 3) and tangent (nt, nq, 3, 3) per reference area (N/m), as far as ``order`` asks.
+
+        Where a law finds no thickness or no wrinkle (:class:`~mfar_fem.errors.NotConvergedError`) the energy is infinite: a state
+        that solvers turn away from.
+        """
         shape = self.geometry.area_weights.shape
         scale = self.fabric.membrane_scale
-        W, S, D = self.fabric.law.evaluate(self.right_cauchy_green(state).reshape(-1, 3), order)
+        C = self.right_cauchy_green(state).reshape(-1, 3)
+        try:
+            W, S, D = self.fabric.law.evaluate(C, order)
+        except NotConvergedError:
+            W, S, D = np.full(len(C), np.inf), np.zeros((len(C), 3)), np.zeros((len(C), 3, 3))
         return (scale * W.reshape(shape), None if S is None else scale * S.reshape(*shape, 3),
                 None if D is None else scale * D.reshape(*shape, 3, 3))
 
@@ -277,7 +286,10 @@ class Shell:
         if np.abs(quadratic).max(initial=0.0) < 1e-7:
             return None
         C = (self.right_cauchy_green(state) - quadratic).reshape(-1, 3)
-        W, S, D = self.fabric.law.evaluate(C, 2)
+        try:
+            W, S, D = self.fabric.law.evaluate(C, 2)
+        except NotConvergedError:
+            return None
         if not np.all(np.isfinite(W)):
             return None
         shape, scale = g.area_weights.shape, self.fabric.membrane_scale

@@ -53,6 +53,10 @@ class Engine(Protocol):
         """Figures for ``result.json``."""
 
 
+SUMS = ("dissipated", "work", "first_energy", "to_come")
+"""What a :class:`~mfar_fem.solve.dynamics.Motion` carries along besides its state."""
+
+
 class FiniteElements:
     """Orders 1 and 2 in time; supports that let go split the run into phases."""
 
@@ -68,7 +72,7 @@ class FiniteElements:
             tolerance=scene.tolerance,
             linear_solver=level.linear_solver,
             mass="lumped" if level.order == 1 else "consistent",
-            accept_after=level.accept_after,
+            iteration_error=level.error_left(scene.has_contact),
         )
         self.totals: dict[str, Any] = {
             "newton_iterations": 0,
@@ -152,7 +156,7 @@ class FiniteElements:
     def state(self) -> dict[str, np.ndarray]:
         m = self.dynamics.motion
         found = {"u": m.state.u, "directors": m.state.directors, "phase": np.array(self._time)}
-        found |= {f"motion_{k}": np.array(getattr(m, k)) for k in ("time", "dt", "step", "dissipated", "work", "first_energy")}
+        found |= {f"motion_{k}": np.array(getattr(m, k)) for k in ("time", "dt", "step", *SUMS)}
         found |= {f"k_{f.name}": np.asarray(v) for f in fields(Kinematics) if (v := getattr(m.kinematics, f.name)) is not None}
         found |= {f"strain_{i}": v for i, v in enumerate(m.strain)}
         if self.barrier is not None:
@@ -175,7 +179,7 @@ class FiniteElements:
             float(state["motion_dt"]),
             int(state["motion_step"]),
             strain,
-            *(float(state[f"motion_{k}"]) for k in ("dissipated", "work", "first_energy")),
+            *(float(state[f"motion_{k}"]) for k in SUMS if f"motion_{k}" in state),
         )
         if float(state["phase"]) != self._time:
             self.dynamics = self._phase(float(state["phase"]))

@@ -54,9 +54,12 @@ class DynamicsOptions:
         ``tolerance`` dt is only the largest).
     max_iterations : int
         Newton iterations of a step before it is halved.
-    accept_after : int
-        A step with contact is accepted after this many iterations although its residual is above tolerance (0: never). It lowers
-        the energy and intersects nothing all the same; its residual is in the record, and the result counts such steps.
+    iteration_error : float
+        A step is accepted, whatever its residual, when the error left by Newton's method is below this share of the local error
+        of the time step (the κ of Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8); 0: only the residual
+        counts. The error left is at most ``sqrt(decrement / (mass / Δt²))`` where the energy is convex, since inertia alone makes
+        the tangent that stiff. Such a step lowers the energy and intersects nothing all the same; its residual is in the record,
+        and the result counts them (``inexact_steps``).
     linear_solver : str
         See :class:`mfar_fem.solve.linear.LinearSolver`.
     """
@@ -73,7 +76,7 @@ class DynamicsOptions:
     min_dt: float = 1e-7
     max_halvings: int = 40
     max_iterations: int = 300
-    accept_after: int = 0
+    iteration_error: float = 0.0
     linear_solver: str = "direct"
 
     def __post_init__(self):
@@ -82,7 +85,7 @@ class DynamicsOptions:
         for name in ("dt", "min_dt", "rtol"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(f"{name} must be positive and finite, got {getattr(self, name)}")
-        for name in ("mass_damping", "stiffness_damping", "atol"):
+        for name in ("mass_damping", "stiffness_damping", "atol", "iteration_error"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise InputError(f"{name} must be >= 0 and finite, got {getattr(self, name)}")
         if self.tolerance is not None and not self.tolerance > 0:
@@ -143,6 +146,8 @@ class Motion:
         Strain and curvature samples (Green strain, interior, edge) of this step and of the one before; empty without viscosity.
     dissipated, work, first_energy : float
         Bookkeeping of :class:`StepRecord`, J.
+    to_come : float
+        Newton steps still to come after the last one, in sum and as a share of it, as the last time step found it.
     """
 
     time: float
@@ -154,6 +159,7 @@ class Motion:
     dissipated: float = 0.0
     work: float = 0.0
     first_energy: float = 0.0
+    to_come: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -321,39 +327,68 @@ class Dynamics:
             done = self.contact.begin_step(shell, base, None, motion.time, t, dt)
             if done < 1.0:
                 done, base = self.contact.advance(shell, base, problem.fixed)
-        guess = self._guess(rule, base, held, lam)
+        guess, energy = self._guess(rule, base, held, lam)
         if guess is None:
             return "LockingReached"
-        touching = self.contact is not None and self.contact.report(shell, guess).pairs > 0
+        touching = self.contact is not None and self.contact.touches(shell, guess)
         settings = options.newton
         if touching:  # full steps bounce off barriers
-            settings = replace(settings, plain_iterations=0, max_iterations=options.accept_after or settings.max_iterations)
-        result, moves = newton(problem, guess, lam, settings), 0
+            settings = replace(settings, plain_iterations=0)
+        self._to_come = np.inf
+        enough = self._enough(rule) if options.iteration_error > 0 else None
+        result, moves = newton(problem, guess, lam, settings, enough=enough, energy=energy), 0
         self._count(tally, result)
-        def good(result) -> bool:
-            return result.converged or bool(touching and options.accept_after and result.status == "iteration limit")
-
-        while good(result) and done < 1.0 and moves < MAX_MOVES:  # a body on its way pushes the sheet in collision-free moves
+        while result.converged and done < 1.0 and moves < MAX_MOVES:  # a body on its way pushes the sheet in collision-free moves
             (done, base), moves = self.contact.advance(shell, result.state, problem.fixed), moves + 1
-            result = newton(problem, base, lam, settings)
+            result = newton(problem, base, lam, settings, enough=enough)
             self._count(tally, result)
-        if not good(result) or done < 1.0:
+        if not result.converged or done < 1.0:
             tally.wasted += result.iterations
-            return "BodyBlocked" if good(result) else failure_name(result)
+            return "BodyBlocked" if result.converged else failure_name(result)
         tally.iterations += result.iterations
-        tally.inexact += not result.converged
+        tally.inexact += result.by_error
         state = shell.accept(result.state)
         return self._accept(rule, state, result, t, dt)
 
-    def _guess(self, rule: StepRule, base: State, held: np.ndarray, lam: float) -> State | None:
-        """Start of Newton's method: the last acceleration again or none, the one of lower energy; where both fail, no motion.
+    def _enough(self, rule: StepRule) -> Callable[[State, float, bool], bool]:
+        """Whether what Newton's method leaves is small beside the local error of the time step.
+
+        What is left after an iteration is at most the iteration itself. One of θ times the one before is followed by others of
+        θ/(1 - θ) of it in sum; for the first one that of the last time step is taken (Hairer and Wanner), a little more each time
+        so that it is found anew.
+        """
+        before, n_x, mass = self.motion.kinematics, self.problem.shell.alpha_offset, self.inertia.mass.total
+        last, self._to_come = np.inf, self.motion.to_come
+
+        def enough(state: State, decrement: float, full: bool) -> bool:
+            nonlocal last
+            if not full or decrement < 0:
+                last, self._to_come = np.inf, np.inf
+                return False
+            size = float(np.sqrt(decrement / (rule.ca * mass)))
+            ratio = size / last if last > 0 else 0.0
+            if np.isfinite(last):
+                self._to_come = ratio / (1.0 - ratio) if ratio < 1.0 else np.inf
+            else:
+                self._to_come = max(self._to_come, 1e-16) ** 0.8
+            last = size
+            error = self._local_error(rule, before, rule.advance(before, state.u[:n_x]))
+            return min(1.0, self._to_come) * size <= self.options.iteration_error * error
+
+        return enough
+
+    def _guess(self, rule: StepRule, base: State, held: np.ndarray, lam: float) -> tuple[State | None, float]:
+        """Start of Newton's method and its potential, J: the last acceleration again (not with contact) or none, else no motion.
 
         ``base`` is the state at the start of the step, pushed along by bodies that have moved meanwhile.
         """
         problem, k = self.problem, self.motion.kinematics
+        pushed, kept = base is not self.motion.state, base.u[: len(k.x)]
+        places = [(rule.xa + k.a / rule.ca, True), (rule.xa, True), (kept, False)]
+        if self.contact is not None:  # accelerations of a sheet that is being stopped tell nothing of the next
+            places = places[1:]
         best, lowest = None, np.inf
-        pushed = base is not self.motion.state
-        for x, moves in ((rule.xa + k.a / rule.ca, True), (rule.xa, True), (base.u[: len(k.x)], False)):
+        for x, moves in places:
             if best is not None and not moves:
                 break
             u = base.u.copy()
@@ -362,7 +397,7 @@ class Dynamics:
             trial = base.with_u(u)
             if self.contact is not None:
                 if moves:
-                    lifted = self.contact.lifted(u[: len(x)].reshape(-1, 3), base.u[: len(x)].reshape(-1, 3))
+                    lifted = self.contact.lifted(u[: len(x)].reshape(-1, 3), kept.reshape(-1, 3))
                     u[: len(x)] = lifted.ravel()
                     u[problem.fixed] = held
                 trial = self.contact.limit(problem.shell, base, trial)
@@ -371,7 +406,7 @@ class Dynamics:
             energy = problem.energy(trial, lam)
             if energy < lowest:
                 best, lowest = trial, energy
-        return best
+        return best, lowest
 
     def _viscosity(self, rule: StepRule) -> Viscosity | None:
         """Viscous energy of the step: rates by the backward difference of the integrator."""
@@ -405,7 +440,13 @@ class Dynamics:
         if self.options.tolerance is not None and error > 4.0 * self.options.tolerance and dt > 2.0 * self.options.min_dt:
             return "ToleranceMissed"
         moved = kinematics.x - before.x
-        reaction = rule.force_weight * problem.gradient(state, self.schedule(t))[problem.fixed]
+        gradient = problem.gradient(state, self.schedule(t))
+        reaction = rule.force_weight * gradient[problem.fixed]
+        residual, relative = result.residual, result.residual_relative
+        if result.by_error:  # that before the last iteration
+            gradient[problem.fixed] = 0.0
+            now = problem.norm(gradient)
+            residual, relative = now, relative * now / residual if residual > 0 else relative
         dissipated = self._drag_work(rule, before.x, kinematics.x, t)
         dissipated += self.options.mass_damping * float(self.inertia.mass(moved.reshape(-1, 3)).ravel() @ moved) / dt
         if shell.viscosity is not None:
@@ -416,16 +457,15 @@ class Dynamics:
         if self.contact is not None:
             self.contact.end_step(shell, state)
         self.motion = Motion(t, state, kinematics, motion.dt, motion.step + 1, samples, motion.dissipated + dissipated,
-                             motion.work + work, motion.first_energy)
+                             motion.work + work, motion.first_energy, self._to_come)
         energy = self._energy(self.motion)
         total = energy.pop("total")
         defect = motion.first_energy - total - self.motion.dissipated + self.motion.work
         speed = float(np.sqrt(np.sum(kinematics.v.reshape(-1, 3) ** 2, axis=1).max(initial=0.0)))
         contacts, distance = 0, None
         if self.contact is not None:
-            found = self.contact.report(shell, state)
-            contacts, distance = found.pairs, found.least_distance if np.isfinite(found.least_distance) else None
-        return StepRecord(t, dt, result.iterations, result.residual, result.residual_relative, **energy,
+            contacts, distance = self.contact.summary()
+        return StepRecord(t, dt, result.iterations, residual, relative, **energy,
                           dissipated=self.motion.dissipated, defect=defect, speed=speed, error=error, contacts=contacts,
                           distance=distance)
 

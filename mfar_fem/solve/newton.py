@@ -10,6 +10,7 @@ steps. This is what remains when the sheet falls, wrinkles or locks on its way.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -67,7 +68,10 @@ LARGEST_TURN = 1.5
 
 @dataclass
 class NewtonResult:
-    """Outcome of one Newton solve: ``status`` is ``converged`` or the name of the failure."""
+    """Outcome of one Newton solve: ``status`` is ``converged`` or the name of the failure.
+
+    ``by_error`` tells that the caller's ``enough`` ended it; the residual is then that before the last step.
+    """
 
     state: State
     status: str
@@ -82,16 +86,26 @@ class NewtonResult:
     assemblies: int = 0
     reaction: float = np.inf
     first_residual: float = 0.0
+    by_error: bool = False
 
     @property
     def converged(self) -> bool:
-        """Whether the residual is below tolerance."""
+        """Whether the residual is below tolerance, or the step before was ``enough``."""
         return self.status == "converged"
 
 
 def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = DEFAULT_OPTIONS,
-           descend: bool = True) -> NewtonResult:
+           descend: bool = True, enough: Callable[[State, float, bool], bool] | None = None,
+           energy: float | None = None) -> NewtonResult:
     """Solve for equilibrium at load factor ``lam``; the held unknowns of ``state`` must have their values.
+
+    Parameters
+    ----------
+    enough : callable, optional
+        ``enough(state, decrement, full)`` after every step with the state reached, the square of the Newton step in the norm of
+        the tangent, J, and whether it was taken in full: true ends the iteration there, whatever the residual.
+    energy : float, optional
+        Potential of ``state``, J, where it is known.
 
     Returns
     -------
@@ -100,18 +114,18 @@ def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = 
         (with ``descend=False``) or ``inadmissible start`` (locking or a collapsed element); ``state`` is the best admissible state
         and never contains NaN.
     """
-    energy = problem.energy(state, lam)
+    energy = problem.energy(state, lam) if energy is None else energy
     out = NewtonResult(state, "inadmissible start", 0, np.inf, np.inf)
     if not np.isfinite(energy):
         return out
     solver = _solver(problem, state, options)
     if options.plain_iterations > 0 and options.tangent != "safe":
-        _plain(problem, state, lam, energy, solver, options, out)
+        _plain(problem, state, lam, energy, solver, options, out, enough)
     if not out.converged and not descend:
         out.status = "plain steps failed"
     elif not out.converged:
         plain, out.residuals = out.iterations, []
-        _descent(problem, state, lam, energy, solver, options, out)
+        _descent(problem, state, lam, energy, solver, options, out, enough)
         out.iterations += plain
     out.notes += solver.notes
     assert np.all(np.isfinite(out.state.u))
@@ -147,7 +161,7 @@ def _inertia(problem: Problem, state: State) -> float:
     return max((float(np.linalg.norm(load.force(x))) for load in problem.loads if isinstance(load, Inertia)), default=0.0)
 
 
-def _plain(problem, start, lam, energy, solver, options, out) -> None:
+def _plain(problem, start, lam, energy, solver, options, out, enough) -> None:
     """Full exact steps from ``start``; ``out`` is converged only if the energy ended below its start."""
     state, best, step = start, np.inf, None
     for iteration in range(options.plain_iterations + 1):
@@ -176,11 +190,16 @@ def _plain(problem, start, lam, energy, solver, options, out) -> None:
         rotation = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
         if not np.all(np.isfinite(step)) or rotation > 3.0:
             return
-        step *= problem.max_step(state, step)
-        state = state.with_u(state.u + step)
+        free = problem.max_step(state, step)
+        state = state.with_u(state.u + free * step)
+        decrement = -float(g @ step)
+        if enough is not None and enough(state, decrement, free == 1.0) and problem.energy(state, lam) <= energy:
+            out.state, out.status, out.iterations, out.by_error = state, "converged", iteration + 1, True
+            return
+        step *= free
 
 
-def _descent(problem, state, lam, energy, solver, options, out) -> None:
+def _descent(problem, state, lam, energy, solver, options, out, enough) -> None:
     """Line search on the energy with the safe tangent, and the exact one near the solution."""
     exact, previous = options.tangent == "exact", np.inf
     for iteration in range(options.max_iterations + 1):
@@ -215,6 +234,9 @@ def _descent(problem, state, lam, energy, solver, options, out) -> None:
             moved = np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
             exact = t == 1.0 and (used_exact or (moved < 0.3 and out.residual < previous))
         state, energy, previous = state_new, energy_new, out.residual
+        if enough is not None and enough(state, -float(g @ step), t == 1.0):
+            out.state, out.status, out.iterations, out.by_error = state, "converged", iteration + 1, True
+            return
         if iteration % RENEWAL == RENEWAL - 1 or _turned(problem, state) > LARGEST_TURN:  # too far from the directors
             state = problem.shell.accept(state)
             energy = problem.energy(state, lam)
@@ -241,14 +263,16 @@ def _solver(problem: Problem, state: State, options: NewtonOptions) -> LinearSol
 
 def _direction(problem, state, lam, g, data, exact, solver, options):
     """Newton step (n,) with zeros on held unknowns, and whether it is the exact one; None if the tangent is singular."""
-    for attempt in ((True, False) if exact else (False,)):
-        if attempt != exact:
-            _, data = problem.tangent(state, lam, False)
+    touching = any(hasattr(load, "sparse_hessian") for load in problem.loads)
+    attempts = [(True, False)] * bool(exact) + [(False, False)] + [(False, True)] * touching
+    for i, (attempt, definite) in enumerate(attempts):
+        if i > 0:
+            _, data = problem.tangent(state, lam, False, definite=definite)
         step = np.zeros(problem.n)
         try:
             step[problem.free] = solver.factor(problem.system(data))(-g[problem.free])
         except SingularMatrixError:
-            if attempt:
+            if i < len(attempts) - 1:
                 continue
             shift = data.copy()
             diagonal = problem.pattern.diagonal
@@ -280,7 +304,7 @@ def _line_search(problem, state, lam, energy, g, step, options):
             if problem.conservative and new <= energy + 1e-4 * t * slope:
                 return t, trial, new
             if rounding is None:
-                rounding = max(1e-11 * max(abs(energy), abs(slope)), energy_rounding(problem, state, lam))
+                rounding = max(1e-11 * max(abs(energy), abs(slope)), energy_rounding(problem, trial, lam))
             if not problem.conservative or (new <= energy + rounding and -t * slope < 1e3 * rounding):
                 slope_new = float(problem.gradient(trial, lam)[problem.free] @ step[problem.free])
                 if abs(slope_new) <= 0.9 * abs(slope):

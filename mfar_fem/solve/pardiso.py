@@ -26,7 +26,7 @@ class SymmetricPardiso:
         self._triangle = (A.indices[self._upper].astype(np.int32), np.concatenate([[0], np.cumsum(counts)]).astype(np.int32))
         self._solver = PyPardisoSolver(mtype=SYMMETRIC_INDEFINITE)
         os.environ.setdefault("PYPARDISO_MKL_RT", self._solver.libmkl._name)  # else every instance searches the disk for it
-        for parameter, value in ((1, 1), (2, 2), (8, 2), (10, 13), (11, 1), (13, 1), (24, 0)):
+        for parameter, value in ((1, 1), (2, 2), (8, 0), (10, 13), (11, 1), (13, 1), (24, 0)):
             self._solver.set_iparm(parameter, value)
         self._analysed = False
         weakref.finalize(self, self._solver.free_memory, everything=True)

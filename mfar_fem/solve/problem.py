@@ -136,8 +136,11 @@ class Problem:
             load.gradient(self.shell, state, lam, g)
         return g
 
-    def tangent(self, state: State, lam: float, exact: bool, step: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def tangent(self, state: State, lam: float, exact: bool, step: np.ndarray | None = None,
+                definite: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Gradient (n,) and tangent data (pattern.nnz,); ``step`` as in :meth:`mfar_fem.shell.Shell.hessian`.
+
+        ``definite`` makes the part of every contact semi-definite: dear, and seldom needed beside shell and inertia.
 
         Raises
         ------
@@ -153,7 +156,7 @@ class Problem:
             if id(load) in self._positions:
                 load.hessian(self.shell, state, lam, data, self._positions[id(load)], exact)
             elif hasattr(load, "sparse_hessian"):
-                self._extra += self.pattern.scatter(*load.sparse_hessian(self.shell, state, lam, psd=not exact), data)
+                self._extra += self.pattern.scatter(*load.sparse_hessian(self.shell, state, lam, psd=definite), data)
         return g, data
 
     def system(self, data: np.ndarray) -> csr_matrix:

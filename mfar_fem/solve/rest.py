@@ -249,7 +249,7 @@ class _Relaxation:
 
     def _tangent(self, blend: float) -> tuple[np.ndarray, np.ndarray]:
         """Gradient, and the safe tangent with a share of the exact one."""
-        g, data = self.problem.tangent(self.state, 1.0, False)
+        g, data = self.problem.tangent(self.state, 1.0, False, definite=True)
         if blend > 0.0:
             data = (1.0 - blend) * data + blend * self.problem.tangent(self.state, 1.0, True)[1]
         return g, data

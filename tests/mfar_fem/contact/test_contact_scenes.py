@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mfar_fem.benchmarks.drape_scenes import error_study
 from mfar_fem.contact.barrier import Barrier
 from mfar_fem.contact.body import Plane, Sphere
 from mfar_fem.contact.motion import Motion
@@ -41,14 +42,15 @@ def free_of_intersections(dynamics):
     return check
 
 
-@pytest.mark.parametrize("order", [1, 2])
-def test_cloth_falls_on_a_sphere_and_never_enters_it(order):
+@pytest.mark.parametrize(("order", "share"), [(1, 0.0), (2, 0.0), (1, 0.5)])
+def test_cloth_falls_on_a_sphere_and_never_enters_it(order, share):
     ball = Sphere((0.0, 0.0, 0.0), 0.05, friction=0.3)
     d = Dynamics(
-        square(0.12, 6, (0.0, 0.0, 0.053), order), SILK, (), [WEIGHT], contact=Barrier([ball]), options=DynamicsOptions(rtol=1e-4)
+        square(0.12, 6, (0.0, 0.0, 0.053), order), SILK, (), [WEIGHT], contact=Barrier([ball]),
+        options=DynamicsOptions(rtol=1e-4, iteration_error=share)
     )
     result = d.run(0.1, free_of_intersections(d))
-    assert result.converged and result.records[-1].contacts > 10
+    assert result.converged and result.records[-1].contacts > 10 and (result.inexact_steps > 0) == (share > 0)
     x = d.problem.shell.positions(result.state)
     assert ball.signed_distance(x)[0].min() > 0 and x[:, 2].min() < 0.045  # it rests on top and hangs over
 
@@ -171,3 +173,11 @@ def test_silk_falls_over_a_figure(level, duration, cells):
     assert nodes[:, 2].max() > top - 0.01 and nodes[:, 2].min() < top - 0.05
     if level == "standard":
         assert not e.barrier.has_intersections(e.dynamics.problem.shell, e.dynamics.motion.state)
+
+
+def test_steps_accepted_by_their_error_end_where_solved_ones_do():
+    runs = error_study("drape-cylinder", (0.5,), until=0.06, cells=6)["runs"]
+    solved, loose, half = runs
+    assert solved["distance_largest_m"] == 0.0 and half["dt_s"] == 0.5 * solved["dt_s"]
+    assert loose["iterations_per_step"] < 0.75 * solved["iterations_per_step"]
+    assert loose["distance_largest_m"] < 0.2 * half["distance_largest_m"]

@@ -17,6 +17,7 @@ from mfar_fem.fidelity import LEVELS
 from mfar_fem.plan import plan
 from mfar_fem.scene_file import load_scene, scene_from_dict
 from mfar_fem.simulation import simulate, tradeoff
+from mfar_fem.simulation.engines import engine
 
 QUIET = {"vtu": False, "pictures": False, "animation": False}
 SWING = {
@@ -36,6 +37,16 @@ REST = {
     "support": [{"points": [["0 m", "0 m", "0 m"], ["0 m", "0.1 m", "0 m"]]}],
     "output": QUIET,
     "perturbation": {"amplitude": "0.1 mm", "seed": 2},
+}
+
+BALL = {
+    "name": "cloth on a ball",
+    "fabric": "silk-charmeuse",
+    "duration": "60 ms",
+    "sheet": [{"kind": "rectangle", "size": ["0.1 m", "0.1 m"], "centred": True, "at": ["0 m", "0 m", "0.053 m"]}],
+    "body": [{"kind": "sphere", "radius": "0.05 m", "friction": 0.3}],
+    "contact": {"distance": "1 mm"},
+    "output": QUIET,
 }
 
 
@@ -115,6 +126,19 @@ def test_a_killed_run_goes_on_as_if_it_had_not_been(tmp_path, level, solver):
     np.testing.assert_allclose(resumed.velocities, whole.velocities, rtol=0, atol=0 if exact else 1e-9)
     rows = [(f / "history.csv").read_text().splitlines() for f in (folder, tmp_path / "whole")]
     assert len(rows[0]) == len(rows[1]) and (not exact or rows[0] == rows[1])
+
+
+def test_a_run_with_contact_goes_on_from_its_state():
+    """Contact is rebuilt from the state and what the barrier remembers: the same steps, to rounding."""
+    scene = scene_from_dict(BALL, "standard", cells=6, linear_solver="superlu")
+    whole, first, second = engine(scene), engine(scene), engine(scene)
+    rows = {"whole": [], "parts": []}
+    whole.advance(0.06, lambda row: rows["whole"].append((row["iterations"], row.get("contacts", 0))))
+    first.advance(0.04, lambda row: rows["parts"].append((row["iterations"], row.get("contacts", 0))))
+    second.restore(first.state())
+    second.advance(0.06, lambda row: rows["parts"].append((row["iterations"], row.get("contacts", 0))))
+    assert rows["whole"] == rows["parts"] and rows["whole"][-1][1] > 10
+    np.testing.assert_allclose(second.nodes(), whole.nodes(), rtol=0, atol=1e-12)
 
 
 def test_a_checkpoint_of_another_scene_is_refused(tmp_path):

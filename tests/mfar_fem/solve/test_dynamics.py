@@ -185,7 +185,8 @@ def test_an_impossible_motion_ends_with_its_name_and_the_last_state():
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"method": "leapfrog"}, "unknown time integrator"), ({"dt": 0.0}, "dt must be positive"), ({"rtol": np.nan}, "rtol"),
-    ({"mass_damping": -1.0}, "mass_damping"), ({"tolerance": 0.0}, "tolerance"), ({"min_dt": np.inf}, "min_dt")])
+    ({"mass_damping": -1.0}, "mass_damping"),
+    ({"iteration_error": -0.1}, "iteration_error"), ({"tolerance": 0.0}, "tolerance"), ({"min_dt": np.inf}, "min_dt")])
 def test_wrong_options_are_named(options, message):
     with pytest.raises(InputError, match=message):
         DynamicsOptions(**options)
@@ -195,3 +196,25 @@ def test_wrong_velocity_is_named():
     surface = Surface.from_pattern(strip(SIZE, SIZE, 1, 1), 1)
     with pytest.raises(InputError, match="initial velocity"):
         Dynamics(surface, sheet(1e3, 1e-5), velocity=np.zeros((3, 3)))
+
+
+def test_the_error_left_in_steps_is_small_beside_that_of_the_steps():
+    """κ = 0.5 takes fewer iterations than the residual and moves the end far less than half the step does."""
+    ends, iterations = {}, {}
+    for name, options in {"solved": {}, "loose": {"iteration_error": 0.5}, "half": {"dt": 1e-3}}.items():
+        dynamics = soft_swing(1, "implicit-euler", **({"dt": 2e-3} | options))
+        result = dynamics.run(0.2)
+        assert result.converged
+        ends[name], iterations[name] = dynamics.motion.kinematics.x, result.newton_iterations
+        assert (result.inexact_steps > 90) == (name == "loose")
+    assert iterations["loose"] < 0.7 * iterations["solved"]
+    assert rms(ends["loose"], ends["solved"]) < 0.05 * rms(ends["half"], ends["solved"])
+
+
+def test_the_residual_of_a_step_accepted_by_its_error_is_that_of_its_state():
+    dynamics = soft_swing(1, "implicit-euler", 2e-3, iteration_error=10.0)
+    record = dynamics.run(0.02).records[-1]
+    problem = dynamics.problem
+    free = problem.gradient(dynamics.motion.state, 1.0)
+    free[problem.fixed] = 0.0
+    assert record.iterations == 1 and record.residual == pytest.approx(problem.norm(free), rel=1e-9)

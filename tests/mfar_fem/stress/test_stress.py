@@ -125,3 +125,8 @@ def test_a_thousand_random_combinations(tmp_path):
     assert all("hides the residual" in row["message"] for row in blind) and len(blind) <= 10, blind  # rounding, no disagreement
     assert payload["converged"] >= 850
     assert (tmp_path / "failure_map.csv").exists() and (tmp_path / "failure_map.png").exists()
+
+
+def test_a_law_that_finds_no_thickness_turns_the_solver_away_instead_of_ending_it():
+    """Steps of 0.12 s throw this sheet to where plane stress has no root."""
+    assert run_case(draw(1, 469)).outcome == "converged"
