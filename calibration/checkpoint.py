@@ -34,6 +34,7 @@ class Checkpoint:
             self._load()
 
     def _load(self) -> None:
+        assert self.path is not None
         try:
             state = json.loads(self.path.read_text(encoding="utf-8"))
             version, signature, starts = state["version"], state["signature"], state["starts"]

@@ -122,10 +122,10 @@ def refine(
         best.setdefault(result.law, result)
     done = list(best.values())
     if coarse != level:
-        good = [r for r in done if r.fit is not None]
-        files = [None if folder is None else folder / f"{level}-{r.law}.json" for r in good]
-        jobs = [(r.fit.problem.started_at(r.fit.parameters).vary(level=level),
-                 common | {"checkpoint": file, "resume": resume}) for r, file in zip(good, files, strict=True)]
+        good = [(r.law, r.fit) for r in done if r.fit is not None]
+        files = [None if folder is None else folder / f"{level}-{law}.json" for law, _ in good]
+        jobs = [(f.problem.started_at(f.parameters).vary(level=level),
+                 common | {"checkpoint": file, "resume": resume}) for (_, f), file in zip(good, files, strict=True)]
         done = _fits(jobs, where, progress) + [r for r in done if r.fit is None]
     return sorted(done, key=lambda r: (r.fit is None, r.aicc))
 

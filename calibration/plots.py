@@ -7,6 +7,7 @@ import functools
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from calibration.words import short
 
 COLOURS = {"warp": "#0072B2", "weft": "#D55E00", "bias": "#009E73"}
 OTHERS = ("#CC79A7", "#E69F00", "#56B4E9", "#666666")
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -17,12 +17,16 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calibration.experiments import Experiment
 from calibration.forward import Factory, Prediction, level
 from mfar_fem.errors import InputError, ParameterError
+
+if TYPE_CHECKING:
+    from mfar_fem.materials.fabric import Fabric
 
 BENDING = ("warp", "weft", "twist", "coupling")
 
@@ -102,7 +106,7 @@ class Problem:
         How often every reading counts (bootstrap over points), one array an experiment.
     """
 
-    fabric: object
+    fabric: Fabric
     unknowns: tuple[Unknown, ...]
     experiments: tuple[Experiment, ...]
     level: str | Factory = "homogeneous"
@@ -161,7 +165,8 @@ class Problem:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds in the coordinate q, shape (p,) each."""
         with np.errstate(divide="ignore"):
-            return tuple(np.array([float(u.to_q(getattr(u, k))) for u in self.unknowns]) for k in ("lower", "upper"))
+            lower, upper = (np.array([float(u.to_q(getattr(u, k))) for u in self.unknowns]) for k in ("lower", "upper"))
+        return lower, upper
 
     def values(self, q) -> dict[str, float]:
         """Parameter values by name, SI."""

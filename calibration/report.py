@@ -191,6 +191,7 @@ def _interval(pair) -> str:
     if low is None and high is None:
         return "not determined"
     if high is None:
+        assert low is not None
         return f"≥ {number(low)}, no upper bound"
     if low is None:
         return f"≤ {number(high)}, no lower bound"

@@ -121,28 +121,33 @@ def drape(
 ) -> None:
     """Sweep what is not known of a drape (shear, specimen, hysteresis, twist) and compare the bands with the measurement."""
     folder = _folder(out, f"drape-{Path(fabric).stem}")
+    from material_tests.drape.plots import plot_study
     from material_tests.drape.study import STUDY_SIZES, render_study, study
     from mfar_fem.materials import Fabric
 
     with progress("drape") as advance:
         payload = study(Fabric.load(fabric), fidelity, sizes=size or STUDY_SIZES, out=folder, workers=workers,
                         progress=lambda label, _: advance(1, description=label))
-    emit(payload, as_json, render_study)
+    _finish("drape", payload, folder, as_json, render_study, plot_study(payload))
 
 
 @app.command("drape-inverse")
 def drape_inverse(
     shear: Annotated[list[float] | None, typer.Option(help="Shear stiffness assumed, N/m (repeatable); 5, 15 and 50.")] = None,
     data: Annotated[Path | None, typer.Option(help="CSV of the 618 measured fabrics, for the percentiles.")] = None,
+    out: Out = None,
     as_json: Json = False,
 ) -> None:
     """Find the bending rigidity that explains the measured drape of the named Leeds fabrics, and how usual it is."""
-    from material_tests.drape.inverse import inverse_study, render_inverse
+    folder = _folder(out, "drape-inverse")
+    from material_tests.drape.inverse import inverse_study, population, render_inverse
+    from material_tests.drape.plots import plot_inverse
 
     with progress("drape, inverse") as advance:
         rows = inverse_study(shear=tuple(shear or (5.0, 15.0, 50.0)), data=data,
                              progress=lambda row: advance(1, description=row["name"]))
-    emit({"rows": rows}, as_json, lambda payload: render_inverse(payload["rows"]))
+    _finish("drape-inverse", {"rows": rows}, folder, as_json, lambda payload: [render_inverse(payload["rows"])],
+            plot_inverse(rows, population(data)))
 
 
 def _folder(out: Path | None, name: str) -> Path:
@@ -169,10 +174,14 @@ def _stages(quiet: bool) -> Iterator:
         yield stage
 
 
-def _finish(name: str, payload: dict, folder: Path, as_json: bool, render) -> None:
-    """Write NAME.json and print the result."""
+def _finish(name: str, payload: dict, folder: Path, as_json: bool, render, figure=None) -> None:
+    """Write NAME.json and the picture, if there is one, and print the result."""
     file = folder / f"{name}.json"
     payload = {"study": name} | payload | {"files": {"json": str(file)}}
+    if figure is not None:
+        from calibration.plots import save
+
+        payload["files"]["pictures"] = save(figure, folder, name)
     file.write_text(json.dumps(jsonable(payload), indent=2, allow_nan=False) + "\n", encoding="utf-8")
     emit(payload, as_json, lambda p: [*render(p), f"written: {file}"])
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from calibration.bootstrap import METHODS, Bootstrap, bootstrap
 from calibration.compare import LawResult, compare, law_problems
@@ -88,6 +89,7 @@ def template_fabric(dataset: Dataset, law, fabric=None):
             f"dataset '{dataset.name}' does not state {' and '.join(missing)}; give a fabric file with --fabric, or add "
             "a [fabric] table to dataset.toml"
         )
+    assert dataset.thickness is not None and dataset.areal_density is not None
     sources = {k: v for k, v in dataset.sources.items() if k in ("thickness", "areal_density", "bending")}
     measured = {k: dataset.bending[k] for k in ("warp", "weft", "twist", "coupling") if k in dataset.bending}
     if "warp" in measured and "weft" in measured:
@@ -177,7 +179,7 @@ def calibrate(
     def files(name, some):
         return None if checkpoints is None else [checkpoints / f"{name}-{p.fabric.law.name}.json" for p in some]
 
-    common = {"seed": seed, "max_evaluations": max_evaluations, "resume": resume, "where": where}
+    common: dict[str, Any] = {"seed": seed, "max_evaluations": max_evaluations, "resume": resume, "where": where}
     with timed("homogeneous fits"):
         first = compare(
             problems, starts=starts, checkpoints=files("homogeneous", problems), progress=at("homogeneous fits"), **common
@@ -187,13 +189,14 @@ def calibrate(
         raise NotConvergedError(f"no law could be fitted: {'; '.join(f'{r.law}: {r.error}' for r in first)}")
     if level != "homogeneous":
         chosen = [r for r in first if r.fit is not None][: 1 if fe_laws == "best" else None]
-        second = {"max_evaluations": max_evaluations, "resume": resume, "where": where}
+        second: dict[str, Any] = {"max_evaluations": max_evaluations, "resume": resume, "where": where}
         with timed(f"{level} fits"):
             levels[level] = refine(problems, chosen, level, folder=checkpoints, progress=at(f"{level} fits"), **second)
         if levels[level][0].fit is None:
             reasons = "; ".join(f"{r.law}: {r.error}" for r in levels[level])
             raise NotConvergedError(f"no law could be fitted at the level '{level}': {reasons}")
     best = levels[level][0].fit
+    assert best is not None
     with timed("profiles"):
         found = profiles(best, where=where, progress=at("profiles")) if with_profiles else {}
     boot = None

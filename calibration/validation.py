@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -113,7 +114,7 @@ class CrossValidation:
 
     def to_dict(self) -> dict:
         """Row of the cross-validation table, with the parameters of the fit (SI) if there is one."""
-        out = {"label": self.label, "error": self.error, "predicted": [c.to_dict() for c in self.checks]}
+        out: dict[str, Any] = {"label": self.label, "error": self.error, "predicted": [c.to_dict() for c in self.checks]}
         if self.fit is not None:
             out |= {
                 "fitted_on": [e.name for e in self.fit.problem.experiments],

@@ -32,7 +32,9 @@ def parameter_words(f: Fit, name: str, linear: Linear, profile: Profile | None =
     head = f"{short(name)}: {number(value, u.unit)}"
     zero = u.lower == 0.0 and u.scale == "linear"
     open_profile = profile is not None and math.isfinite(profile.threshold)
-    if open_profile:
+    low: float | None
+    high: float | None
+    if profile is not None and open_profile:
         parts = [head + "; " + _profile_interval(profile, u.unit, percent, zero) + "."]
         low, high = profile.low, profile.high
     else:
@@ -46,7 +48,7 @@ def parameter_words(f: Fit, name: str, linear: Linear, profile: Profile | None =
     if side:
         bound = u.lower if side == "lower" else u.upper
         parts.append(f"It ended on its {side} bound {number(bound, u.unit)}: the value is the bound's, not the data's.")
-    elif not open_profile and math.isfinite(low) and (low < u.lower or high > u.upper):
+    elif not open_profile and low is not None and high is not None and math.isfinite(low) and (low < u.lower or high > u.upper):
         parts.append("Warning: the interval reaches past a bound.")
     if u.scale == "linear" and low is not None and high is not None and low < 0.0 < high:
         parts.append("Warning: the interval contains zero; the data do not show that this effect exists.")
@@ -61,6 +63,7 @@ def _profile_interval(p: Profile, unit: str, percent: str, zero: bool) -> str:
     if p.low is None and p.high is None:
         return f"no lower and no upper bound at {percent}: the data do not determine it"
     if p.high is None:
+        assert p.low is not None
         return f"at least {number(p.low, unit)} at {percent}, no upper bound: the data do not determine it"
     if p.low is None:
         return f"at most {number(p.high, unit)} at {percent}, no lower bound: the data do not determine it"
@@ -113,8 +116,8 @@ def _warnings(f: Fit, linear: Linear, profiles, bootstrap: Bootstrap | None) -> 
             out.append(f"{bootstrap.failed} bootstrap replicates failed and were left out.")
         for name in f.problem.names:
             low, high = bootstrap.intervals[name]
-            a, b = linear.intervals[name]
-            if all(map(math.isfinite, (a, b))) and high - low > 2 * (b - a):
+            lower, upper = linear.intervals[name]
+            if all(map(math.isfinite, (lower, upper))) and high - low > 2 * (upper - lower):
                 out.append(
                     f"The bootstrap interval of {short(name)} ({number(low)} to {number(high)}) is more than twice as "
                     "wide as the linearised one: trust the wider."

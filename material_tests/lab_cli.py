@@ -81,7 +81,7 @@ def swing(
     from mfar_fem import units
     from mfar_fem.materials import Fabric
 
-    inputs = {
+    inputs: dict[str, Any] = {
         "angle": units.parse(angle, "rad", name="--angle"),
         "gamma": units.parse(gamma, "kg/m^3", name="--gamma"),
         "noise": units.parse(noise, "rad", name="--noise"),
@@ -108,7 +108,7 @@ def shear(
     from mfar_fem import units
     from mfar_fem.materials import Fabric
 
-    inputs = {
+    inputs: dict[str, Any] = {
         "largest": units.parse(largest, "rad", name="--largest"),
         "misalignment": units.parse(misalignment, "rad", name="--misalignment"),
     }
@@ -165,9 +165,9 @@ def spectrum(
 
     if spacing is None and second_spacing is not None:
         raise InputError("--second-spacing needs --spacing: without a scale both pictures are taken as they are")
-    sides = [None if s is None else units.parse(s, "m", name="--spacing") for s in (spacing, second_spacing or spacing)]
+    one, other = (None if s is None else units.parse(s, "m", name="--spacing") for s in (spacing, second_spacing or spacing))
     with progress("spectrum"):
-        payload = run(first, second, *sides, draws=draws, seed=seed)
+        payload = run(first, second, one, other, draws=draws, seed=seed)
     _finish(payload, out, plots, as_json)
 
 

@@ -67,7 +67,9 @@ class AirDrag:
         at = np.einsum("qi,eic->eqc", self._N, predicted[elements])
         self._wind = np.ascontiguousarray(self.air(at.reshape(-1, 3), t), dtype=float).reshape(at.shape)
 
-    def _arguments(self, shell: Shell, x: np.ndarray):
+    def _arguments(self, shell: Shell, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray,
+                                                               np.ndarray, float, float]:
+        assert self._rule is not None
         velocity = self._rule.cv * (x - self._rule.xv.reshape(-1, 3))
         return velocity, shell.surface.elements, self._N, self._weights, self._normals, self._wind, self.normal, self.tangential
 
@@ -86,6 +88,7 @@ class AirDrag:
     def _assemble(self, shell: Shell, x: np.ndarray, positions, data, want: bool) -> np.ndarray:
         from mfar_fem import drag_kernels
 
+        assert self._rule is not None
         out = np.zeros(x.shape)
         drag_kernels.assemble(*self._arguments(shell, x), self._rule.cv, want, positions, out, data)
         return out.ravel()
@@ -125,6 +128,7 @@ class VertexDrag:
         self._wind = self.air(predicted[self._vertices], t)
 
     def _velocity(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        assert self._rule is not None
         v = self._rule.cv * (x - self._rule.xv.reshape(-1, 3))[self._vertices] - self._wind
         return v, np.linalg.norm(v, axis=1)
 

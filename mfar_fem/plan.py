@@ -155,7 +155,7 @@ def _cost_elements(scene: Scene, surface, measure: bool) -> dict[str, Any]:
         5.5 * entries * max(1.0, math.log2(max(n, 2)) / 10)
     )  # of a sparse factor of a surface mesh, measured on 2k to 100k unknowns
     memory = (8.0 * (3 * entries + fill) + 4.0 * sum(p.size for p in problem.pattern.positions)) / 1e6
-    steps = None if scene.to_rest else math.ceil(scene.duration / scene.level.dt)  # type: ignore[operator]
+    steps = None if scene.duration is None else math.ceil(scene.duration / scene.level.dt)
     iterations = REST_ITERATIONS if steps is None else STEP_ITERATIONS[scene.has_contact] * steps
     found: dict[str, Any] = {
         "unknowns": n,
@@ -203,9 +203,9 @@ def _one_iteration(problem) -> tuple[float, float]:
 def _cost_positions(scene: Scene, surface, measure: bool) -> dict[str, Any]:
     from mfar_fem.simulation.engines import PositionLevel
 
-    duration = 10.0 if scene.to_rest else scene.duration
+    duration = 10.0 if scene.duration is None else scene.duration
     engine = PositionLevel(replace(scene, duration=duration))
-    steps = math.ceil(duration / scene.level.dt)  # type: ignore[operator]
+    steps = math.ceil(duration / scene.level.dt)
     found: dict[str, Any] = {
         "unknowns": 3 * len(surface.vertices),
         "edge_unknowns": 0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 
@@ -86,6 +86,7 @@ def load_scene(source: str | os.PathLike, fidelity: str | None = None, **overrid
     return read_scene(TomlFile.read(path), fidelity, **overrides)
 
 
+_SHEET = tuple("kind size radius inner outer at turn warp centred file scale pattern name grading".split())
 EXAMPLES = Path(__file__).parent / "scenes"
 
 
@@ -144,7 +145,16 @@ def _count(file: TomlFile, table: str, least: int = 0) -> int:
     return len(entries)
 
 
-def _vector(file: TomlFile, *keys: str, unit: str | None = None, default: Any = None, size: int = 3) -> tuple[float, ...]:
+@overload
+def _vector(file: TomlFile, *keys: str, unit: str | None = None, default: Any = None,
+            size: Literal[3] = 3) -> tuple[float, float, float]: ...
+
+
+@overload
+def _vector(file: TomlFile, *keys: str, unit: str | None = None, default: Any = None, size: Literal[2]) -> tuple[float, float]: ...
+
+
+def _vector(file: TomlFile, *keys: str, unit: str | None = None, default: Any = None, size: int = 3) -> Any:
     value = file.get(*keys, default=default)
     if value is default and default is not None:
         return default
@@ -202,7 +212,8 @@ def _fabric(file: TomlFile) -> Fabric:
 def _sheet(file: TomlFile, n: str) -> Sheet:
     here = ("sheet", n)
     file.check_keys(
-        here, ("kind", "size", "radius", "inner", "outer", "at", "turn", "warp", "centred", "file", "scale", "pattern", "name")
+        here,
+        _SHEET,
     )
     kind = file.get(*here, "kind", kind=str)
     if kind not in KINDS:
@@ -230,6 +241,7 @@ def _sheet(file: TomlFile, n: str) -> Sheet:
             _number(file, *here, "scale", default=1.0),
             file.get(*here, "pattern", default="union", kind=str),
             file.get(*here, "name", default="", kind=str),
+            _number(file, *here, "grading", default=1.0),
         )
     except DataFileError:
         raise
@@ -419,4 +431,5 @@ def _output(file: TomlFile) -> Output:
     if every is not None and not every > 0:
         raise file.error("must be positive", "output", "every")
     view = _vector(file, "output", "view", default=default.view, size=2)
-    return Output(every, *(file.get("output", k, default=True, kind=bool) for k in ("vtu", "pictures", "animation")), view)  # type: ignore[arg-type]
+    vtu, pictures, animation = (file.get("output", k, default=True, kind=bool) for k in ("vtu", "pictures", "animation"))
+    return Output(every, vtu, pictures, animation, view)

@@ -39,6 +39,8 @@ class Sheet:
         File of a mesh; ``scale`` metres per unit of it.
     pattern : str
         Triangles of a rectangle or annulus, see :func:`mfar_fem.surface.grid.triangulate`.
+    grading : float
+        Of an annulus: width of its outermost cells over that of the innermost.
     """
 
     kind: str
@@ -51,6 +53,7 @@ class Sheet:
     scale: float = 1.0
     pattern: str = "union"
     name: str = field(default="")
+    grading: float = 1.0
 
     def __post_init__(self):
         if self.kind not in KINDS:
@@ -59,6 +62,8 @@ class Sheet:
         if len(self.size) != wanted or not all(math.isfinite(v) and v > 0 for v in self.size):
             text = {"rectangle": "two sides", "disc": "a radius", "annulus": "an inner and an outer radius", "mesh": "no size"}
             raise InputError(f"a {self.kind} needs {text[self.kind]} (m), got {list(self.size)}")
+        if not (math.isfinite(self.grading) and self.grading > 0) or (self.grading != 1.0 and self.kind != "annulus"):
+            raise InputError(f"a grading is positive and for an annulus, got {self.grading:g} for a {self.kind}")
 
     @property
     def longest(self) -> float:
@@ -74,15 +79,15 @@ class Sheet:
             return self.place(mesh.vertices), mesh.triangles, {}, None
         h = level.size(self.longest)
         if self.kind == "rectangle":
-            nx, ny = (max(1, round(side / h)) for side in self.size)
-            p = patterns.strip(*self.size, nx, ny, self.pattern)
+            length, width = self.size
+            p = patterns.strip(length, width, max(1, round(length / h)), max(1, round(width / h)), self.pattern)
         elif self.kind == "disc":
             p = patterns.disc(self.size[0], max(2, round(self.size[0] / h)))
         else:
             r_in, r_out = self.size
             n_r = max(1, round((r_out - r_in) / h))
             n_theta = max(6, 2 * round(math.pi * (r_in + r_out) / h / 2))
-            p = patterns.annulus(r_in, r_out, n_r, n_theta, pattern=self.pattern)
+            p = patterns.annulus(r_in, r_out, n_r, n_theta, pattern=self.pattern, grading=self.grading)
         return self.place(p.vertices), p.triangles, dict(p.boundary), p
 
     def place(self, points: np.ndarray) -> np.ndarray:
@@ -99,7 +104,8 @@ class Sheet:
 
 def build_surface(sheets: Sequence[Sheet], level: Fidelity, order: int) -> Surface:
     """All sheets as one surface; boundaries of several sheets are ``sheet1.left``, ``sheet2.left`` … or ``name.left``."""
-    vertices, triangles, boundary, warp, mids = [], [], {}, [], []
+    vertices, triangles, warp, mids = [], [], [], []
+    boundary: dict[str, np.ndarray] = {}
     offset = 0
     for number, sheet in enumerate(sheets, 1):
         v, t, named, pattern = sheet.cut(level)

@@ -23,7 +23,7 @@ CITATION = (
     "SU-1098 Cupro; Vizoo GmbH (2019), U3M example data, Browzwear FAB tester; github.com/vizoogmbh/u3m 7ea8941 "
     "u3m1.1/physics/physics_example2.json, BSD-3-Clause; raw_data.{axis}.{test}.samplesTree[{branch}] reading {reading}"
 )
-CYCLES = {"preconditioned": 4, "virgin": 1, "envelope": "envelope"}
+CYCLES: dict[str, int | str] = {"preconditioned": 4, "virgin": 1, "envelope": "envelope"}
 HEADER = ["direction", "gauge", "nominal_gauge_mm", "cycle", "strain", "line_force_N_per_m", "citation"]
 
 

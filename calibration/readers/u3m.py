@@ -77,14 +77,17 @@ def loading_curve(branches, gauge: float, width: float, cycle: int | str, rules:
         if not 1 <= k <= len(loads):
             raise DataFileError(f"cycle {cycle} does not exist; there are {len(loads)}", path)
         return _curve(loads[k - 1], 2 * (k - 1), gauge, width, rules, path)
-    strain, force, index, notes, reached = [], [], [], [], -np.inf
+    strain: list[np.ndarray] = []
+    force, index, notes, reached = [], [], [], -np.inf
     for k in range(len(loads)):
         e, f, length, note, ids = _curve(loads[k], 2 * k, gauge, width, rules, path)
         new = f > reached
         if strain:
             new &= e > strain[-1][-1]
         if new.any():
-            strain.append(e[new]), force.append(f[new]), index.append(ids[new])
+            strain.append(e[new])
+            force.append(f[new])
+            index.append(ids[new])
             notes.append(f"cycle {k + 1}: {int(new.sum())} readings of first-time loading; {'; '.join(note)}")
         peak = max(f.max(), (branches[2 * k + 1][:, 1].max() / width) if 2 * k + 1 < len(branches) else -np.inf)
         reached = max(reached, peak)
@@ -128,7 +131,8 @@ def read_u3m(
         raise DataFileError("not a U3M/FAB physics file: there is no 'raw_data' object", path)
     if variant not in VARIANTS:
         raise UnknownNameError(f"unknown variant '{variant}'; known: {', '.join(VARIANTS)}")
-    which = cycle if cycle is not None else {"preconditioned": "last", "virgin": 1, "envelope": "envelope"}[variant]
+    cycles: dict[str, int | str] = {"preconditioned": "last", "virgin": 1, "envelope": "envelope"}
+    which = cycle if cycle is not None else cycles[variant]
     raw, experiments = document["raw_data"], []
     citation = f"{path.name} (U3M/FAB JSON), raw_data"
     for test in ("S2", "S1"):

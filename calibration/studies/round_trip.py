@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -161,7 +162,7 @@ def one_seed(job: tuple[Settings, str, int]) -> dict:
     limit = float(fisher.ppf(s.confidence, 1, n - p))
     truth = {"law.mu": s.mu, "law.nu": s.nu}
     i, j = (linear.names.index(k) for k in truth)
-    out = {"seed": seed, "parameters": f.parameters, "converged": f.converged, "evaluations": f.n_evaluations,
+    out: dict[str, Any] = {"seed": seed, "parameters": f.parameters, "converged": f.converged, "evaluations": f.n_evaluations,
            "rmse_percent_of_range": f.rmse_percent_of_range, "correlation_mu_nu": float(linear.correlation[i, j]),
            "condition": linear.condition, "error_percent": {}, "interval": {}, "covered_linear": {}, "covered_profile": {}}
     for name, value in truth.items():

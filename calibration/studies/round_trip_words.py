@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 COVERAGE, MEDIAN_ERROR = 0.85, 2.0
 """What the study must show: 17 of 20 intervals of mu cover the truth, median error of mu in %."""
 
 
-def summary(s, rows: list[dict], bias: dict, profiles: dict, expected: list[dict] = ()) -> dict:
+def summary(s, rows: list[dict], bias: dict, profiles: dict, expected: Sequence[dict] = ()) -> dict:
     """From the runs of `calibration.studies.round_trip` to what is reported."""
     n = len(rows)
     errors = np.array([r["error_percent"]["mu"] for r in rows])
@@ -88,7 +90,7 @@ def nu_words(s, nu: dict) -> str:
             f"the data determine the stiffness, and nu only through the slight change of the curve's shape.{first}")
 
 
-def precision_words(s, expected: list[dict]) -> list[str]:
+def precision_words(s, expected: Sequence[dict]) -> list[str]:
     """How far one would have to pull to know nu."""
     if not expected:
         return []

@@ -11,11 +11,16 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calibration.experiments import DIRECTIONS
 from mfar_fem.errors import NotConvergedError, ParameterError
+
+if TYPE_CHECKING:
+    from mfar_fem.materials.fabric import Fabric
+    from mfar_fem.solve import Problem
 
 TOLERANCE = 1e-5
 STEPS = (1, 5, 20)
@@ -35,8 +40,8 @@ class Case:
     """
 
     name: str
-    fabric: object
-    problem: object
+    fabric: Fabric
+    problem: Problem
     load: float
     names: tuple[str, ...]
     read: Callable

@@ -21,7 +21,7 @@ from mfar_fem.loads import gravity as gravity_load
 from mfar_fem.shell import State
 from mfar_fem.solve import NewtonOptions, Problem, solve_static
 from mfar_fem.solve.newton import newton
-from mfar_fem.supports import Clamp, Symmetry
+from mfar_fem.supports import Clamp, Support, Symmetry
 from mfar_fem.surface import Surface, patterns
 from mfar_fem.units import STANDARD_GRAVITY
 
@@ -243,6 +243,7 @@ def run(fabric, direction=0.0, option: str = "A", free: bool = True, loop_length
         "shape": {"s_m": r.s, "x_m": r.x, "y_m": r.y},
     }
     if option == "A":
+        assert r.chord_angle is not None
         payload["chord_angle_deg"] = math.degrees(r.chord_angle)
     else:
         payload["loop_length_m"] = loop_length
@@ -264,7 +265,7 @@ def _surface(length: float, width: float, angle: float, cells: tuple[int, int]) 
 
 
 def _strip(fabric, length, width, angle, cells, free, gravity) -> Problem:
-    supports = [Clamp("left")]
+    supports: list[Support] = [Clamp("left")]
     if not free:
         supports += [Symmetry("bottom", 1), Symmetry("top", 1)]
     load = gravity_load(fabric.areal_density, (0.0, 0.0, -gravity))

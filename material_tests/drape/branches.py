@@ -25,7 +25,7 @@ from mfar_fem.processes import one_thread
 FOLDS = tuple(range(2, 11))
 FLAT = (1, 2, 3)
 FALLS = (1,)
-FORMAT = 1
+FORMAT = 2
 """Counts changes of what a stored branch means; a stored one of another format is not used."""
 
 

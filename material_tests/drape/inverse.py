@@ -189,7 +189,9 @@ def inverse_study(names: Sequence[str] = tuple(LEEDS), shear: Sequence[float] = 
         if name not in LEEDS:
             raise UnknownNameError(f"no Leeds fabric '{name}'; choose one of {', '.join(LEEDS)}")
         specimen, density = LEEDS[name]
-        target = measured(specimen).value
+        known = measured(specimen)
+        assert known is not None and known.value is not None
+        target = known.value
         for G in shear:
             row: dict[str, Any] = {"name": name, "areal_density": density, "target": target, "shear": G}
             try:

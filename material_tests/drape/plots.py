@@ -19,6 +19,7 @@ LIGHT = np.array([-0.45, -0.55, 0.75])
 def plot_branches(rows: Sequence[Mapping[str, Any]], title: str = ""):
     """Energy against nodes, every branch labelled with its coefficient; a matplotlib Figure."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=(6.6, 4.4), layout="constrained")
     axes = figure.add_subplot()
@@ -36,7 +37,9 @@ def plot_branches(rows: Sequence[Mapping[str, Any]], title: str = ""):
                       xytext=(6, 3), textcoords="offset points")
     axes.set_xlabel("nodes")
     axes.set_ylabel("energy at rest, mJ (flat: 0)")
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    locator = axes.xaxis.get_major_locator()
+    assert isinstance(locator, MaxNLocator)
+    locator.set_params(integer=True)
     axes.margins(x=0.12, y=0.1)
     axes.set_title(title, fontsize=10)
     axes.grid(alpha=0.3)
@@ -48,9 +51,11 @@ def plot_outlines(rows: Sequence[Mapping[str, Any]], test: DrapeTest, measured: 
                   band: np.ndarray | None = None):
     """Outlines (polar), the first row bold; the circle of the ``measured`` coefficient; ``band`` (k, 180): measured outlines, m."""
     from matplotlib.figure import Figure
+    from matplotlib.projections.polar import PolarAxes
 
     figure = Figure(figsize=(5.6, 5.6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
+    assert isinstance(axes, PolarAxes)
     closed = np.radians(np.arange(0.0, 362.0, 2.0))
     for radius, style in ((test.disc_radius, "k-"), (test.specimen_radius, "k:")):
         axes.plot(closed, np.full_like(closed, 1e3 * radius), style, lw=0.9)
@@ -148,3 +153,57 @@ def save(folder: Path, payload: Mapping[str, Any], rows: Sequence[Mapping[str, A
     for file, figure in figures.items():
         figure.savefig(folder / file, dpi=150)
     return [str(folder / file) for file in ("drape_branches.csv", "drape_outline.csv", *figures)]
+
+
+def plot_study(result: Mapping[str, Any]):
+    """What every unknown does to coefficient and nodes: a bar a variant, beside the measured values; a Figure."""
+    from matplotlib.figure import Figure
+
+    rows = [row for row in result["rows"] if row["dc"]]
+    figure = Figure(figsize=(9.0, 1.4 + 0.27 * len(rows)), layout="constrained")
+    sizes = list(dict.fromkeys(row["size"] for row in rows))
+    for axes, key, unit in zip(figure.subplots(1, 2, sharey=True), ("dc", "nodes"), ("drape coefficient, %", "nodes"), strict=True):
+        for i, row in enumerate(rows):
+            colour = f"C{sizes.index(row['size'])}"
+            axes.plot(row[key], (i, i), color=colour, lw=5, alpha=0.45, solid_capstyle="butt")
+            for which, marker in (("lowest", "o"), ("flat", "|")):
+                if row[which] is not None:
+                    axes.plot(row[which][int(key == "nodes")], i, marker, color=colour, ms=6 if marker == "o" else 12, mew=2)
+        known = (result["measured"] or {}).get(key)
+        if known is not None:
+            axes.axvline(known, color="k", lw=1.2)
+            axes.annotate(f"measured {known:g}", (known, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3), ha="center",
+                          textcoords="offset points", fontsize=8, annotation_clip=False)
+        axes.set_xlabel(unit)
+        axes.grid(axis="x", alpha=0.3)
+    axes = figure.axes[0]
+    axes.set_yticks(range(len(rows)), [f"{row['label']}  ({row['size']})" for row in rows], fontsize=8)
+    axes.invert_yaxis()
+    figure.suptitle(f"{result['fabric']}, {result['fidelity']}: bar: physical branches, dot: lowest energy, tick: lowest from flat",
+                    fontsize=10)
+    return figure
+
+
+def plot_inverse(rows: Sequence[Mapping[str, Any]], population: np.ndarray):
+    """Rigidities found over areal mass, among the measured fabrics ``population`` (n, 2) in kg/m² and N·m; a Figure."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.8, 4.6), layout="constrained")
+    axes = figure.add_subplot()
+    mass, rigidity = 1e3 * population[:, 0], 1e6 * population[:, 1]
+    axes.loglog(mass, rigidity, ".", color="0.75", ms=4, label=f"{len(population)} measured fabrics")
+    found = [row for row in rows if "failure" not in row]
+    shears = sorted({row["shear"] for row in found})
+    for i, G in enumerate(shears):
+        part = [row for row in found if row["shear"] == G]
+        axes.plot([1e3 * row["areal_density"] for row in part], [1e6 * row["rigidity_Nm"] for row in part], "ov^sD"[i % 5],
+                  color=f"C{i}", ms=7, label=f"explains the drape, shear {G:g} N/m")
+    for name in dict.fromkeys(row["name"] for row in found):
+        top = max((row for row in found if row["name"] == name), key=lambda row: row["rigidity_Nm"])
+        axes.annotate(name, (1e3 * top["areal_density"], 1e6 * top["rigidity_Nm"]), fontsize=8, ha="center", xytext=(0, 8),
+                      textcoords="offset points")
+    axes.set_xlabel("areal mass, g/m²")
+    axes.set_ylabel("bending rigidity, µN·m")
+    axes.grid(alpha=0.3, which="both", lw=0.4)
+    axes.legend(fontsize=8, loc="upper left")
+    return figure

@@ -11,9 +11,11 @@ import math
 
 import numpy as np
 
+from material_tests.drape.geometry import GRADING
 from mfar_fem.shell import State
 from mfar_fem.shell.geometry import edge_points_of_elements, mean_directors
 from mfar_fem.shell.tables import tables
+from mfar_fem.surface.patterns import ungraded
 
 SLOPE = math.radians(70.0)
 """Mean slope at the rim of an n-fold start."""
@@ -102,7 +104,7 @@ def start(problem, x: np.ndarray) -> State:
     return State(np.concatenate([x.ravel(), np.zeros(shell.n_alpha)]), directors)
 
 
-def prolong(surface, x: np.ndarray, cells: tuple[int, int], finer) -> np.ndarray:
+def prolong(surface, x: np.ndarray, cells: tuple[int, int], finer, grading: float = GRADING) -> np.ndarray:
     """A drape carried to another mesh of the same ring, to start from: the same branch there.
 
     Parameters
@@ -113,6 +115,8 @@ def prolong(surface, x: np.ndarray, cells: tuple[int, int], finer) -> np.ndarray
         Deformed nodes, m.
     finer : Surface
         The other ring.
+    grading : float
+        Of the first ring, see :func:`mfar_fem.surface.patterns.annulus`.
 
     Returns
     -------
@@ -120,12 +124,12 @@ def prolong(surface, x: np.ndarray, cells: tuple[int, int], finer) -> np.ndarray
     """
     r, theta = polar(surface)
     low, span = r.min(), r.max() - r.min()
-    i = np.rint((r - low) / span * 2 * cells[0]).astype(int)
+    i = np.rint(ungraded((r - low) / span, grading) * 2 * cells[0]).astype(int)
     j = np.rint(theta / math.pi * cells[1]).astype(int) % (2 * cells[1])
     grid = np.empty((2 * cells[0] + 1, 2 * cells[1], 3))
     grid[i, j] = x
     s, t = polar(finer)
-    u = np.clip((s - low) / span, 0.0, 1.0) * cells[0]
+    u = ungraded(np.clip((s - low) / span, 0.0, 1.0), grading) * cells[0]
     v = (t % (2 * math.pi)) / (2 * math.pi) * cells[1]
     row, column = np.minimum(u.astype(int), cells[0] - 1), np.minimum(v.astype(int), cells[1] - 1)
     across, along = _quadratic(u - row), _quadratic(v - column)
@@ -140,7 +144,7 @@ def _quadratic(s: np.ndarray) -> np.ndarray:
 
 
 def admissible(problem, x: np.ndarray, rounds: int = 30) -> np.ndarray:
-    """Nodes ``x`` (nn, 3), the free ones averaged with their neighbours until the energy is finite.
+    """Nodes ``x`` (nn, 3), displacements of the free ones averaged with their neighbours' until the energy is finite.
 
     A coarse sheet is not stretched where its strain is sampled, but may be between the samples, at sharp folds: there a finer mesh
     would start from elements turned over.
@@ -156,7 +160,7 @@ def admissible(problem, x: np.ndarray, rounds: int = 30) -> np.ndarray:
     for _ in range(rounds):
         if np.isfinite(problem.energy(start(problem, x), 1.0)):
             break
-        kept = x[held]
-        x = 0.5 * (x + mean @ x)
+        kept, rest = x[held], problem.surface.nodes  # averaged places would wander towards the wider cells
+        x = rest + 0.5 * (x - rest + mean @ (x - rest))
         x[held] = kept
     return x

@@ -76,7 +76,7 @@ def variants(fabric, test: DrapeTest) -> dict[str, Any]:
     """The fabric and what its elastic preset leaves open: hysteresis (where 2HB is known), twist, Poisson coupling."""
     out = {"as measured": fabric}
     loop = measured(fabric.name, "bending hysteresis 2HB")
-    if loop is not None:
+    if loop is not None and loop.value is not None:
         stiff, factor = hysteretic(fabric, test, loop.value, STARTS[0])
         out[f"hysteresis: B × {factor:.2f}"] = stiff
     out["twist × 0.5"] = with_bending(fabric, twist=0.5)
@@ -151,7 +151,7 @@ def mesh_convergence(fabric, test: DrapeTest, start: Seed, meshes: Sequence[tupl
     rows = [{"cells": list(meshes[0]), "drape_coefficient_percent": first["drape_coefficient_percent"], "nodes": first["nodes"],
              "energy_J": first["energy_J"], "moved_m": 0.0, "same_branch": True}]
     for cells in meshes[1:]:
-        found = error_against(fabric, coarse, np.array(first["x_m"]), first, tuple(cells))
+        found = error_against(fabric, coarse, np.array(first["x_m"]), first, (cells[0], cells[1]))
         rows.append({key: found[key] for key in rows[0]})
     return rows
 

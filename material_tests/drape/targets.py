@@ -43,8 +43,11 @@ def targets() -> tuple[Target, ...]:
     """All rows of ``targets.csv``."""
     text = (Path(__file__).parent / "targets.csv").read_text(encoding="utf-8").splitlines()
     rows = csv.DictReader(line for line in text if not line.startswith("#"))
-    return tuple(Target(r["quantity"], r["specimen"], *(float(r[k]) if r[k] else None for k in ("value", "lower", "upper")),
-                        r["unit"], r["kind"], r["source"]) for r in rows)
+    found = []
+    for r in rows:
+        value, lower, upper = (float(r[k]) if r[k] else None for k in ("value", "lower", "upper"))
+        found.append(Target(r["quantity"], r["specimen"], value, lower, upper, r["unit"], r["kind"], r["source"]))
+    return tuple(found)
 
 
 def measured(specimen: str, quantity: str = "drape coefficient") -> Target | None:

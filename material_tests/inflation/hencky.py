@@ -72,7 +72,7 @@ def exact(nu: float, points: int = 101) -> Hencky:
 
     start = 1e-4
     first = [1.0 - start**2 / 64.0, -start / 32.0, 0.25 * start**2]  # n'' = -1/32 at the centre
-    reached.terminal = True
+    reached.terminal = True  # type: ignore[attr-defined]
     path = solve_ivp(slopes, (start, 20.0), first, rtol=1e-12, atol=1e-14, dense_output=True, events=reached)
     end = path.t[-1]
     if at(end, path.y[:, -1]) > 0:

@@ -33,10 +33,10 @@ def plot_inflation(payload: Mapping[str, Any]):
         axes.set_xlabel("r / a")
         axes.set_ylabel("z / a")
     else:
-        from material_tests.inflation.sphere import exact
+        from material_tests.inflation.sphere import exact as pressure
 
         stretch = np.linspace(1.0, max(payload["stretch"]), 200)
-        axes.plot(stretch, exact(stretch), "k-", lw=1, label="exact")
+        axes.plot(stretch, pressure(stretch), "k-", lw=1, label="exact")
         axes.plot(payload["stretch"], payload["pressure"], "C0o", ms=4, label="finite elements")
         axes.set_xlabel("stretch")
         axes.set_ylabel("p R / (μ h)")

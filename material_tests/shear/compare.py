@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 
-from material_tests.shear.bias import bias_extension
+from material_tests.shear.bias import BiasResult, bias_extension
 from material_tests.shear.kinematics import law_moment
-from material_tests.shear.picture_frame import picture_frame
+from material_tests.shear.picture_frame import FrameResult, picture_frame
 from mfar_fem.errors import InputError
 
 METHODS = ("frame", "bias")
@@ -49,6 +49,7 @@ def run(fabric, method: str = "frame", largest: float = np.radians(40.0), points
         raise InputError("the largest shear angle lies between 0 and a right angle (rad), and at least 2 points are needed")
     clock, angles = time.perf_counter(), np.linspace(0.0, largest, int(points) + 1)[1:]
     law = law_moment(fabric.law, fabric.membrane_scale)(angles)
+    r: FrameResult | BiasResult
     if method == "frame":
         r = picture_frame(fabric, angles, side, misalignment, fidelity)
         own = {"side_m": side, "misalignment_deg": float(np.degrees(misalignment)), "expected_force_N": r.expected,

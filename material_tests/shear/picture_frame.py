@@ -92,7 +92,7 @@ def picture_frame(fabric, angles, side: float = 0.2, misalignment: float = 0.0, 
     everywhere = np.arange(len(surface.nodes))
     problem = Problem(surface, fabric, [Hinge(arms, by_node=True), Support(everywhere, (2,), by_node=True)], bending=False)
     material = surface.nodes[:, :2] @ np.linalg.inv(rest)
-    state, iterations, force, states, shear, scatter = problem.start(), 0, [], [], [], []
+    state, iterations, forces, states, shear, scatter = problem.start(), 0, [], [], [], []
     held = np.concatenate([3 * arms, 3 * arms + 1])
     for angle in angles:
         place = _placed(material @ directions(angle))
@@ -105,13 +105,13 @@ def picture_frame(fabric, angles, side: float = 0.2, misalignment: float = 0.0, 
         h = 1e-6
         rate = (_placed(material @ directions(angle + h)) - _placed(material @ directions(angle - h))).ravel() / (2 * h)
         stroke = (frame_displacement(angle + h, side) - frame_displacement(angle - h, side)) / (2 * h)
-        force.append(float(problem.gradient(result.state, 1.0)[held] @ rate[held] / stroke))
+        forces.append(float(problem.gradient(result.state, 1.0)[held] @ rate[held] / stroke))
         field_C = problem.shell.right_cauchy_green(result.state)
         sine = field_C[..., 2] / np.sqrt(field_C[..., 0] * field_C[..., 1])
         shear.append(float(np.arcsin(np.clip(np.mean(sine), -1, 1))))
         scatter.append(float(np.std(field_C[..., 2])))
         states.append(result.state)
-    force = np.array(force)
+    force = np.array(forces)
     return FrameResult(angles, frame_displacement(angles, side), force, frame_normalise(angles, force, side),
                        homogeneous_force(fabric, angles, side, misalignment), np.array(shear), np.array(scatter), iterations,
                        problem, tuple(states))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from material_tests.spectrum.radial import dominant, radial_average
 from material_tests.spectrum.similarity import similarity, spectrum
 from mfar_fem.errors import InputError
 
-VARIANTS = {
+VARIANTS: dict[str, dict[str, Any]] = {
     "amplitude, plane removed, windowed": {},
     "same, centred (Pearson)": {"centred": True},
     "power": {"quantity": "power"},
@@ -83,5 +84,5 @@ def _field(given, spacing, name) -> Field:
 
 
 def _variant(a, b, raw: bool = False, **options) -> float:
-    pair = [spectrum(v, window=not raw, remove="none" if raw else "plane") for v in (a, b)]
-    return similarity(*pair, zero=raw, **options)
+    first, second = (spectrum(v, window=not raw, remove="none" if raw else "plane") for v in (a, b))
+    return similarity(first, second, zero=raw, **options)

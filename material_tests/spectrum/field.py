@@ -132,29 +132,29 @@ def common_grid(first: Field, second: Field) -> tuple[np.ndarray, np.ndarray, fl
     TooSmallError
         Too few pixels are left.
     """
-    known = [f.spacing is not None for f in (first, second)]
-    if not all(known):
-        if any(known):
-            a, b = (first, second) if known[0] else (second, first)
-            raise ScaleMismatchError(f"'{a.name}' has a scale ({1e3 * a.spacing:.4g} mm a pixel), "
-                                     f"'{b.name}' has none: give both")
+    if first.spacing is None or second.spacing is None:
+        for a, b in ((first, second), (second, first)):
+            if a.spacing is not None:
+                raise ScaleMismatchError(f"'{a.name}' has a scale ({1e3 * a.spacing:.4g} mm a pixel), "
+                                         f"'{b.name}' has none: give both")
         if first.values.shape != second.values.shape:
             raise ScaleMismatchError(f"'{first.name}' has {first.values.shape[::-1]} pixels and '{second.name}' "
                                      f"{second.values.shape[::-1]}: without a scale for both, wavelengths cannot be compared")
         return first.values, second.values, None
     spacing = max(first.spacing, second.spacing)
-    shape = tuple(int(min(a * first.spacing, b * second.spacing) / spacing * (1 + 1e-12))
-                  for a, b in zip(first.values.shape, second.values.shape, strict=True))
-    if min(shape) < SMALLEST:
-        raise TooSmallError(f"'{first.name}' and '{second.name}' share {shape[1]} x {shape[0]} pixels of {1e3 * spacing:.4g} mm; "
+    ny, nx = (int(min(a * first.spacing, b * second.spacing) / spacing * (1 + 1e-12))
+              for a, b in zip(first.values.shape, second.values.shape, strict=True))
+    if min(ny, nx) < SMALLEST:
+        raise TooSmallError(f"'{first.name}' and '{second.name}' share {nx} x {ny} pixels of {1e3 * spacing:.4g} mm; "
                             f"at least {SMALLEST} a side are needed")
-    return _sample(first, spacing, shape), _sample(second, spacing, shape), spacing
+    return _sample(first, spacing, (ny, nx)), _sample(second, spacing, (ny, nx)), spacing
 
 
 def _sample(field: Field, spacing: float, shape: tuple[int, int]) -> np.ndarray:
     """The middle of a field on coarser pixels: smoothed against aliasing, cubic splines."""
     from scipy import ndimage
 
+    assert field.spacing is not None
     step = spacing / field.spacing
     values = field.values
     if step > 1.0 + 1e-9:

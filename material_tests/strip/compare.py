@@ -21,10 +21,11 @@ def shortcut_error(result: StripResult, fabric, lateral: str = "free") -> dict[s
         ``rmse_percent_of_range``; ``at_end_percent``: relative error at the largest common strain; ``strain`` there;
         ``force_ratio`` there (shortcut over finite elements). NaN where nothing is common.
     """
+    assert result.test is not None
     good = np.flatnonzero(result.reached & (result.strain > 0))
     curve = force_curve(fabric, result.test.angle, result.strain[good], lateral) if len(good) else None
-    common = good[curve.converged] if len(good) else good
-    if len(common) == 0:
+    common = good if curve is None else good[curve.converged]
+    if curve is None or len(common) == 0:
         return dict.fromkeys(("rmse_percent_of_range", "at_end_percent", "strain", "force_ratio"), math.nan)
     fe, simple = result.line_force[common], curve.line_force[curve.converged]
     error = simple - fe
@@ -62,6 +63,7 @@ def run(fabric, gauge: float, width: float, angle: float, strains, fidelity: str
         },
         **homogeneous.curves(fabric, angle, result.strain, width),
     }
+    assert result.problem is not None
     return {
         "test": "strip",
         "standard": "ASTM D5035",

@@ -101,6 +101,7 @@ class StripResult:
 
     def field(self, level: int = -1) -> StrainField:
         """Strain field at a level that was reached (index as in `strain`; -1: the last one reached)."""
+        assert self.test is not None and self.problem is not None
         shell, surface = self.problem.shell, self.problem.surface
         state = self.states[level]
         strain = float(self.strain[level] if level >= 0 else self.strain[len(self.states) + level])
@@ -109,6 +110,7 @@ class StripResult:
 
     def lateral_strain(self) -> np.ndarray:
         """Engineering strain of the width half way between the grips, (levels reached,)."""
+        assert self.test is not None and self.problem is not None
         return np.array([self.test.waist(self.problem, s) for s in self.states])
 
 
@@ -157,6 +159,7 @@ class StripTest:
             raise InputError(f"a quarter needs even numbers of cells, not {self.cells[0]} x {self.cells[1]}")
         self._quarter = quarter
         self._problem: Problem | None = None
+        self._problem_quarter = False
         self._symmetric: dict[type, bool] = {}
         self._last: tuple | None = None
 
@@ -214,7 +217,7 @@ class StripTest:
         return (ends[0] - ends[1]) / nodes[:, 1].max() - 1.0
 
     # -- the test ------------------------------------------------------------------------------------------------------
-    def run(self, fabric, strain: Sequence[float], names: Sequence[str] = (), warm: bool = True) -> StripResult:
+    def run(self, fabric, strain: Sequence[float] | np.ndarray, names: Sequence[str] = (), warm: bool = True) -> StripResult:
         """Pull the strip to each strain.
 
         Parameters

@@ -28,13 +28,13 @@ def read_swing(time, angle) -> dict:
     time, angle = np.asarray(time, dtype=float), np.asarray(angle, dtype=float)
     cross = np.flatnonzero(np.sign(angle[:-1]) * np.sign(angle[1:]) < 0)
     passage = time[cross] - angle[cross] * (time[cross + 1] - time[cross]) / (angle[cross + 1] - angle[cross])
-    amplitudes = [abs(angle[0])]
+    largest = [abs(angle[0])]
     for a, b in pairwise(cross):
-        i = a + 1 + int(np.argmax(np.abs(angle[a + 1 : b + 1])))
+        i = int(a) + 1 + int(np.argmax(np.abs(angle[a + 1 : b + 1])))
         lo, hi = max(i - 1, 0), min(i + 2, len(angle))
         p = np.polyfit(time[lo:hi] - time[i], np.abs(angle[lo:hi]), 2) if hi - lo == 3 else (0.0, 0.0, abs(angle[i]))
-        amplitudes.append(float(p[2] - p[1] ** 2 / (4 * p[0])) if p[0] < 0 else float(abs(angle[i])))
-    amplitudes = np.array(amplitudes)
+        largest.append(float(p[2] - p[1] ** 2 / (4 * p[0])) if p[0] < 0 else float(abs(angle[i])))
+    amplitudes = np.array(largest)
     return {"period_s": float(2.0 * np.mean(np.diff(passage))) if len(passage) > 1 else None,
             "amplitudes_deg": np.degrees(amplitudes), "decay": amplitudes[1:] / amplitudes[:-1]}
 

@@ -17,7 +17,7 @@ def plot_wrinkles(payload: Mapping[str, Any]):
     x, y, z = (1e3 * np.asarray(surface[key]) for key in ("x_m", "y_m", "z_m"))
     several = len(branches) > 1
     figure = Figure(figsize=(9.0 if several else 6.5, 3.6), layout="constrained")
-    axes = np.atleast_1d(figure.subplots(1, 2 if several else 1, width_ratios=(2, 1) if several else (1,)))
+    axes = figure.subplots(1, 2 if several else 1, squeeze=False, width_ratios=(2, 1) if several else (1,))[0]
     size = max(np.abs(z).max(), 1e-12)
     picture = axes[0].tripcolor(x, y, np.asarray(surface["triangles"]), z, cmap="RdBu_r", vmin=-size, vmax=size, shading="gouraud")
     axes[0].set_aspect("equal")

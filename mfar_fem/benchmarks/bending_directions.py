@@ -97,6 +97,7 @@ def run_directions(progress=None, meshes=MESHES, directions=DIRECTIONS) -> dict:
 def save_directions(folder: Path, payload: dict) -> list[str]:
     """Write ``bending_directions.csv`` and a polar picture; returns the paths."""
     from matplotlib.figure import Figure
+    from matplotlib.projections.polar import PolarAxes
 
     table = folder / "bending_directions.csv"
     with table.open("w", newline="", encoding="utf-8") as file:
@@ -109,6 +110,7 @@ def save_directions(folder: Path, payload: dict) -> list[str]:
     phi = np.radians(np.concatenate([payload["directions_deg"], payload["directions_deg"] + 180.0, [360.0]]))
     for i, model in enumerate(MODELS):
         axes = figure.add_subplot(1, 3, i + 1, projection="polar")
+        assert isinstance(axes, PolarAxes)
         for row in payload["rows"]:
             if row["model"] == model:
                 axes.plot(phi, np.concatenate([row["ratios"], row["ratios"], row["ratios"][:1]]), label=row["mesh"])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def solve_downhill(problem: Problem, levels: Sequence[float], leg: int = 20, leg
         The steps are equilibria; those that were not reached are absent and the status is ``Diverged``.
     """
     clock, state = time.perf_counter(), problem.start()
-    totals = {"iterations": 0, "assemblies": 0, "assembly": 0.0, "solve": 0.0}
+    totals: dict[str, Any] = {"iterations": 0, "assemblies": 0, "assembly": 0.0, "solve": 0.0}
     steps, notes, wasted, result = [], [], 0, None
     for level in levels:
         used = 0
@@ -50,6 +51,7 @@ def solve_downhill(problem: Problem, levels: Sequence[float], leg: int = 20, leg
             notes += result.notes
             if result.converged:
                 break
+        assert result is not None
         if not result.converged:
             wasted += used
             break

@@ -13,6 +13,8 @@ so that they are equal at :math:`\Delta t = 2\gamma L\theta/(\pi\rho\omega)`: th
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mfar_fem.benchmarks.free_vibration import DENSITY, SIZE, G, sheet
@@ -106,8 +108,8 @@ def swatch(dt: float, degrees: float = 20.0, method: str = "implicit-euler", nor
     length, angle = 0.15, np.radians(degrees)
     surface = Surface.from_pattern(strip(length, 0.1, cells[1], cells[0]), order)
     down, across = np.array([np.sin(angle), 0.0, -np.cos(angle)]), np.array([0.0, 1.0, 0.0])
-    dynamics_of = {"supports": [Hinge("left")], "loads": [gravity(fabric.areal_density)], "drag": [AirDrag(normal)],
-                   "options": DynamicsOptions(method=method, dt=dt, rho=rho)}
+    dynamics_of: dict[str, Any] = {"supports": [Hinge("left")], "loads": [gravity(fabric.areal_density)], "drag": [AirDrag(normal)],
+                                   "options": DynamicsOptions(method=method, dt=dt, rho=rho)}
     reference = Dynamics(surface, fabric, **dynamics_of).problem.start()
     u = reference.u.copy()
     u[: 3 * len(surface.nodes)] = (surface.nodes[:, :1] * down + surface.nodes[:, 1:2] * across).ravel()

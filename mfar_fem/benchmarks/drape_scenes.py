@@ -10,7 +10,7 @@ import numpy as np
 
 from mfar_fem.fidelity import LEVELS
 from mfar_fem.scene_file import load_scene
-from mfar_fem.simulation.engines import Advance, engine
+from mfar_fem.simulation.engines import Advance, FiniteElements, engine
 
 PUBLIC = (
     ("implicit solver with conjugate gradients", 21.0, 24.0, "public cloth code, like machine, 40 x 40 vertices, 2 ms"),
@@ -74,7 +74,9 @@ def run(
     wall = time.perf_counter() - clock
     nodes = e.nodes()
     outside = min(float(b.signed_distance(nodes, e.time)[0].min()) for b in loaded.bodies)
-    barrier = getattr(e, "barrier", None)
+    intersects = None
+    if isinstance(e, FiniteElements) and e.barrier is not None:
+        intersects = e.barrier.has_intersections(e.dynamics.problem.shell, e.dynamics.motion.state)
     distances = [r["distance"] for r in rows if "distance" in r]
     return {
         "benchmark": scene,
@@ -91,7 +93,7 @@ def run(
         "unknowns": e.summary()["unknowns"],
         "elements": e.summary()["elements"],
         "self_contact": self_contact,
-        "intersects": None if barrier is None else barrier.has_intersections(e.dynamics.problem.shell, e.dynamics.motion.state),  # type: ignore[attr-defined]
+        "intersects": intersects,
         "least_distance_m": min(distances, default=None),
         "deepest_node_m": outside,
         "lowest_m": float(nodes[:, 2].min()),
@@ -132,10 +134,12 @@ def error_study(
     """
     times = np.linspace(until / 6.0, until, 6)
     dt = LEVELS["standard"].dt
-    solved, runs = [], []
+    solved: list[np.ndarray] = []
+    runs = []
     for share, step in [(s, dt) for s in sorted({0.0, *shares})] + [(0.0, 0.5 * dt)]:
         loaded = replace(load_scene(scene, "standard", iteration_error=share, dt=step, cells=cells), duration=until)
-        e, rows, states = engine(loaded), [], []
+        rows: list[dict[str, float]] = []
+        e, states = engine(loaded), []
         clock = time.perf_counter()
         for t in times:
             e.advance(float(t), rows.append)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import ellipk, jn_zeros
@@ -123,10 +124,11 @@ def swing(problem: Problem, state: State, mode: np.ndarray, omega: float, mass: 
     dynamics : Dynamics
     """
     scale = size / np.linalg.norm(mode[: problem.shell.alpha_offset].reshape(-1, 3), axis=1).max()
-    options = {"dt": 2 * np.pi / omega / 100, "method": "generalized-alpha", "rho": 1.0, "rtol": 1e-9, "atol": 0.0} | options
+    chosen: dict[str, Any] = {"dt": 2 * np.pi / omega / 100, "method": "generalized-alpha", "rho": 1.0, "rtol": 1e-9, "atol": 0.0}
+    chosen |= options
     start = problem.shell.accept(state.with_u(state.u + scale * mode))
     dynamics = Dynamics(problem.surface, problem.shell.fabric, problem.supports, problem.loads, start=start,
-                        options=DynamicsOptions(mass=mass.kind, **options))
+                        options=DynamicsOptions(mass=mass.kind, **chosen))
     n_x = problem.shell.alpha_offset
     weight = mass((scale * mode[:n_x]).reshape(-1, 3)).ravel()
     weight /= weight @ (scale * mode[:n_x])

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -132,8 +133,8 @@ def crossovers(rows: Sequence[dict]) -> list[dict]:
     out = []
     times = {(r["order"], r["dt_s"], r["method"], r["unknowns"]): r["again_s"] for r in rows}
     for order, dt, direct in dict.fromkeys((r["order"], r["dt_s"], r["method"]) for r in rows if r["method"] != "amg"):
-        ratio = {n: times.get((order, dt, "amg", n)) for (o, d, m, n) in times if (o, d, m) == (order, dt, direct)}
-        ratio = {n: amg / times[order, dt, direct, n] for n, amg in sorted(ratio.items()) if amg and times[order, dt, direct, n]}
+        again = {n: times.get((order, dt, "amg", n)) for (o, d, m, n) in times if (o, d, m) == (order, dt, direct)}
+        ratio = {n: amg / times[order, dt, direct, n] for n, amg in sorted(again.items()) if amg and times[order, dt, direct, n]}
         slower = [n for n, r in ratio.items() if r >= 1.0]
         faster = [n for n in ratio if not slower or n > max(slower)]
         out.append({"order": order, "dt_s": dt, "direct": direct, "amg_faster_from": min(faster, default=None),
@@ -141,7 +142,7 @@ def crossovers(rows: Sequence[dict]) -> list[dict]:
     return out
 
 
-def render_linear_solvers(payload: dict) -> list:
+def render_linear_solvers(payload: Mapping[str, Any]) -> list:
     """Tables for the terminal."""
     from rich.table import Table
 

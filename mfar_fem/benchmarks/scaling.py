@@ -7,8 +7,9 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def run_scaling(triangles: Sequence[int] = TRIANGLES, linear_solver: str = "dire
             "peak_rss_gb": max(row["peak_rss_gb"] for row in rows), "converged": all(row["converged"] for row in rows)}
 
 
-def render_scaling(payload: dict) -> list:
+def render_scaling(payload: Mapping[str, Any]) -> list:
     """Table for the terminal."""
     from rich.table import Table
 

@@ -5,6 +5,8 @@ The sheet of most cases is *soft* (10 N/m), so that the time steps resolve its m
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mfar_fem.benchmarks.free_vibration import DENSITY, SIZE, cantilever, sheet, swing
@@ -60,7 +62,7 @@ def order_in_time(order: int = 1, steps: tuple[int, ...] = (40, 80, 160), refere
         return reached(soft_swing(order, method, until / n, rho, cells).run(until)).motion.kinematics.x
 
     exact = positions("generalized-alpha", 1.0, reference_steps)
-    out = {"shell_order": order, "steps": list(steps), "reference_steps": reference_steps, "integrators": {}}
+    out: dict[str, Any] = {"shell_order": order, "steps": list(steps), "reference_steps": reference_steps, "integrators": {}}
     for method, rho in INTEGRATORS:
         errors = np.array([rms(positions(method, rho, n), exact) for n in steps])
         rates = np.log(errors[:-1] / errors[1:]) / np.log(np.array(steps[1:]) / np.array(steps[:-1]))

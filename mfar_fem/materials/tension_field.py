@@ -74,7 +74,7 @@ class TensionField(Law):
         residual = values.pop("residual", self.residual)
         return TensionField(self.law.replace(**values) if values else self.law, residual)
 
-    def parameter(self, name: str) -> Parameter:
+    def parameter(self, name):
         """Row of the parameter table, or ParameterError."""
         for p in self.parameters:
             if p.name == name:

@@ -175,7 +175,7 @@ def bending_stiffness(shell: Shell) -> np.ndarray:
     at_points = np.eye(nq)  # the moment basis is Lagrange at the interior points
     A = np.einsum("eq,q,qm,qn,eqvi,vw,eqwj->eminj", J, t.weights, at_points, at_points, voigt, compliance, voigt, optimize=True)
     A = A.reshape(nt, 3 * nq, 3 * nq)
-    B = np.zeros((nt, nq, 3, (3 * nq if t.order == 2 else 0) + nk))
+    B: np.ndarray = np.zeros((nt, nq, 3, (3 * nq if t.order == 2 else 0) + nk))
     if t.order == 2:
         for q in range(nq):
             work = J[:, q] * t.weights[q] * (J0 / J[:, q]) ** 2

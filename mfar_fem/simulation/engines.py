@@ -13,6 +13,7 @@ from mfar_fem.scene import Scene
 from mfar_fem.shell import State
 from mfar_fem.solve.dynamics import Dynamics, DynamicsOptions, Motion, StepRecord
 from mfar_fem.solve.integrators import Kinematics
+from mfar_fem.surface import Surface
 
 Report = Callable[[dict[str, float]], None]
 
@@ -29,7 +30,11 @@ class Advance:
 class Engine(Protocol):
     """What the run needs of a level."""
 
-    time: float
+    surface: Surface
+
+    @property
+    def time(self) -> float:
+        """s."""
 
     def advance(self, until: float, report: Report) -> Advance:
         """Go on to a time (s), with a row of figures for every step."""
@@ -164,13 +169,12 @@ class FiniteElements:
         return found
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        kinematics = Kinematics(
-            **{
-                f.name: (float(v) if f.name == "dt_old" else v)
-                for f in fields(Kinematics)
-                if (v := state.get(f"k_{f.name}")) is not None
-            }
-        )
+        kept: dict[str, Any] = {
+            f.name: (float(v) if f.name == "dt_old" else v)
+            for f in fields(Kinematics)
+            if (v := state.get(f"k_{f.name}")) is not None
+        }
+        kinematics = Kinematics(**kept)
         strain = tuple(state[f"strain_{i}"] for i in range(sum(k.startswith("strain_") for k in state)))
         motion = Motion(
             float(state["motion_time"]),
@@ -210,7 +214,9 @@ class PositionLevel:
         scene, level = self.scene, self.scene.level
         air = scene.air
         nodes = scene.start_nodes(self.surface, scene.supports(self.surface))
-        drag = {} if air is None else {"drag_normal": air.normal, "drag_tangential": air.tangential, "air_velocity": air.velocity}
+        drag: dict[str, Any] = {}
+        if air is not None:
+            drag = {"drag_normal": air.normal, "drag_tangential": air.tangential, "air_velocity": air.velocity}
         self._time = time
         supports = [h.support(self.surface) for h in scene.holds if h.release is None or h.release > time + 1e-12]
         ramp = next((t for t, f in scene.schedule if f == 1.0), 0.1) if scene.schedule else 0.1

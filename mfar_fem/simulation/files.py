@@ -73,7 +73,8 @@ class History:
 
 def save_checkpoint(path: Path, state: Mapping[str, np.ndarray], identity: str) -> None:
     """Everything a resumed run needs; the old checkpoint stays until the new one is complete."""
-    replace_file(path, lambda partial: np.savez(partial, identity=np.array(identity), **state))
+    named: dict[str, Any] = dict(state)
+    replace_file(path, lambda partial: np.savez(partial, identity=np.array(identity), **named))
 
 
 def load_checkpoint(path: Path, identity: str) -> dict[str, np.ndarray]:
@@ -102,7 +103,8 @@ class Series:
     """VTU files and their index ``series.pvd``."""
 
     def __init__(self, folder: Path):
-        self.folder, self.entries = folder, []
+        self.folder = folder
+        self.entries: list[tuple[int, float]] = []
         folder.mkdir(parents=True, exist_ok=True)
 
     def add(

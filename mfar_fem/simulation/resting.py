@@ -40,7 +40,8 @@ def rest(scene: Scene, folder: Path | None, resume: bool, key: str, progress):
     start = problem.state_at(scene.start_nodes(surface, supports))
     kept = {"at": clock.perf_counter()}
     if resume:
-        saved = load_checkpoint(folder / "checkpoint.npz", key)  # type: ignore[operator]
+        assert folder is not None
+        saved = load_checkpoint(folder / "checkpoint.npz", key)
         start = State(saved["u"], saved["directors"])
     rows: list[dict[str, float]] = []
 

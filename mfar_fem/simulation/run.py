@@ -138,9 +138,10 @@ class _Run:
         self.seconds = {"setup": 0.0, "compute": 0.0, "output": 0.0}
         self.resumed_at: float | None = None
         if resume:
-            if (folder / "result.json").exists():  # type: ignore[operator]
-                raise DataFileError("this run has ended: there is nothing to resume", path=folder / "result.json")  # type: ignore[operator]
-            self.engine.restore(load_checkpoint(folder / "checkpoint.npz", key))  # type: ignore[operator]
+            assert folder is not None
+            if (folder / "result.json").exists():
+                raise DataFileError("this run has ended: there is nothing to resume", path=folder / "result.json")
+            self.engine.restore(load_checkpoint(folder / "checkpoint.npz", key))
             self.resumed_at = self.engine.time
         self.output = None if folder is None else Frames(scene, self.engine, folder)
         self.history = None if folder is None else History(folder / "history.csv", self.resumed_at if resume else None)
@@ -212,7 +213,7 @@ class _Run:
         if self.history is not None:
             self.history.close()
         nodes = e.nodes()
-        triangles = flat(e.surface, nodes)[1]  # type: ignore[attr-defined]
+        triangles = flat(e.surface, nodes)[1]
         return SimulationResult(
             done, outcome.status, payload["message"], e.time, nodes, e.velocities(), triangles, self.rows, payload
         )
@@ -231,7 +232,7 @@ class Frames:
             from mfar_fem.simulation.pictures import Camera
 
             (folder / "pictures").mkdir(exist_ok=True)
-            self.camera = Camera(self._stage(e.surface), scene.output.view)  # type: ignore[attr-defined]
+            self.camera = Camera(self._stage(e.surface), scene.output.view)
 
     def _stage(self, surface: Surface) -> list[np.ndarray]:
         """Points that the run should stay within: the start, what hangs or swings from the supports, what falls, the bodies."""
@@ -251,7 +252,7 @@ class Frames:
 
     def frame(self, number: int, time: float, fresh: bool = True) -> None:
         """Write frame ``number``; of a resumed run those before its checkpoint (``fresh`` False) are there already."""
-        e, surface = self.engine, self.engine.surface  # type: ignore[attr-defined]
+        e, surface = self.engine, self.engine.surface
         self.times.append(time)
         if self.series is not None:
             if fresh:
@@ -273,7 +274,7 @@ class Frames:
         from mfar_fem.surface.io import write_mesh
 
         e = self.engine
-        points, triangles, parent = flat(e.surface, e.nodes())  # type: ignore[attr-defined]
+        points, triangles, parent = flat(e.surface, e.nodes())
         files = [write_mesh(self.folder / "last.glb", points, triangles)]
         fields = {name: values[parent] for name, values in e.fields().items()}
         files.append(write_mesh(self.folder / "last.vtu", points, triangles, {"velocity": e.velocities()[: len(points)]}, fields))

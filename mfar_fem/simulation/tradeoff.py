@@ -167,8 +167,9 @@ def run_alone(scene: Scene) -> dict[str, Any]:
     warm.advance(scene.level.dt, lambda row: None)  # compiled kernels are loaded outside the measurement
     del warm
     begin, shapes, outcome = clock.perf_counter(), [], Advance("converged", "", 0.0)
+    assert scene.duration is not None
     for i in range(INSTANTS):
-        outcome = e.advance(scene.duration * (i + 1) / INSTANTS, lambda row: None)  # type: ignore[operator]
+        outcome = e.advance(scene.duration * (i + 1) / INSTANTS, lambda row: None)
         if outcome.status != "converged":
             break
         shapes.append(e.nodes())

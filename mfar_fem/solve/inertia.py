@@ -31,7 +31,7 @@ class Inertia:
     def __init__(self, areal_density: float, kind: str = "consistent", damping: float = 0.0):
         self.areal_density, self.kind, self.damping = areal_density, kind, damping
         self.factor = 0.0
-        self._data = np.zeros(0)
+        self._data: np.ndarray = np.zeros(0)
         self._old_force = np.zeros(0)
 
     def bind(self, shell: Shell) -> None:

@@ -24,7 +24,7 @@ def nested_dissection(A: csr_matrix, places: np.ndarray) -> np.ndarray:
     while stack:
         ids = stack.pop()
         along = places[ids][:, np.argmax(np.ptp(places[ids], axis=0))] if len(ids) > LEAF else np.zeros(0)
-        low = along < np.median(along) if len(along) else along
+        low = along < np.median(along) if len(along) else np.zeros(0, dtype=bool)
         if not np.any(low):  # a leaf, or unknowns in one place
             parts.append(ids)
             continue

@@ -156,7 +156,8 @@ class Problem:
             if id(load) in self._positions:
                 load.hessian(self.shell, state, lam, data, self._positions[id(load)], exact)
             elif hasattr(load, "sparse_hessian"):
-                self._extra += self.pattern.scatter(*load.sparse_hessian(self.shell, state, lam, psd=definite), data)
+                rows, columns, values = load.sparse_hessian(self.shell, state, lam, psd=definite)
+                self._extra += self.pattern.scatter(rows, columns, values, data)
         return g, data
 
     def system(self, data: np.ndarray) -> csr_matrix:

@@ -232,7 +232,9 @@ class _Relaxation:
             if self.rough and -slope < ROUGH * abs(energy) and slope < 0:
                 return "converged"
             turn = np.inf if step is None else np.abs(step[problem.shell.alpha_offset:]).max(initial=0.0)
-            t, new = (0.0, energy) if not slope < 0 or (blend > 0.0 and turn > 0.5) else self._move(energy, slope, step, turn)
+            t, new = 0.0, energy
+            if step is not None and slope < 0 and not (blend > 0.0 and turn > 0.5):
+                t, new = self._move(energy, slope, step, turn)
             if t > 0.0:
                 energy = new
                 self.dt = min(GROWTH * self.dt, self.options.max_dt) if t >= 1.0 else self.dt

@@ -16,7 +16,7 @@ from mfar_fem.solve.newton import DEFAULT_OPTIONS, NewtonOptions, NewtonResult, 
 from mfar_fem.solve.problem import Problem
 
 
-def solve_static(problem: Problem, levels: int | Sequence[float] = 1, options: NewtonOptions = DEFAULT_OPTIONS,
+def solve_static(problem: Problem, levels: int | Sequence[float] | np.ndarray = 1, options: NewtonOptions = DEFAULT_OPTIONS,
                  start: State | None = None, start_lam: float = 0.0, initial_step: float | None = None,
                  min_step: float = 1e-7, quick: int = 8,
                  progress: Callable[[float], None] | None = None) -> StaticResult:

@@ -111,7 +111,7 @@ class Case:
     def _columns(self, height: float) -> np.ndarray:
         """Positions (nx + 1,) of the grid lines: the thinnest column is ``aspect`` times narrower than a row is high."""
         nx, length = self.cells[0], self.size[0]
-        widths = np.ones(nx)
+        widths: np.ndarray = np.ones(nx)
         thinnest = height / self.aspect
         if self.aspect > 1.0 and self.sliver == "column":
             widths[:] = (length - thinnest) / (nx - 1)

@@ -146,6 +146,18 @@ def strip(
     return rectangle(nx, ny, (0.0, length), (0.0, width), plane, pattern, jitter, seed)
 
 
+def graded(s: np.ndarray, grading: float) -> np.ndarray:
+    """The map of [0, 1] onto itself whose slope grows geometrically, to `grading` times that at 0."""
+    s = np.asarray(s, dtype=float)
+    return s if grading == 1.0 else np.expm1(s * np.log(grading)) / (grading - 1.0)
+
+
+def ungraded(s: np.ndarray, grading: float) -> np.ndarray:
+    """The inverse of :func:`graded`."""
+    s = np.asarray(s, dtype=float)
+    return s if grading == 1.0 else np.log1p(s * (grading - 1.0)) / np.log(grading)
+
+
 def annulus(
     r_in: float,
     r_out: float,
@@ -156,14 +168,15 @@ def annulus(
     pattern: str = "right",
     jitter: float | None = None,
     seed: int = 0,
+    grading: float = 1.0,
 ) -> Pattern:
-    """Flat annulus or sector in the plane z = 0, parameters u = radius (m), v = polar angle (rad).
+    """Flat annulus or sector in the plane z = 0, parameters u = radius (m; without grading), v = polar angle (rad).
 
     A full turn is closed unless `slit`; then the two faces of the slit, at angle 0, have vertices of their own in the
     same places. Sides: ``inner``, ``outer``, and, where open, ``slit0`` (angle 0) and ``slit1`` (the other end),
-    inner to outer.
+    inner to outer. Rings widen outward in a geometric series, the outermost about `grading` times as wide as the innermost.
     """
-    _positive(r_in=r_in, angle=angle)
+    _positive(r_in=r_in, angle=angle, grading=grading)
     if not r_out > r_in:
         raise InputError(f"an annulus needs r_out > r_in, not {r_out} and {r_in}")
     if angle > 2 * np.pi + 1e-12:
@@ -171,7 +184,7 @@ def annulus(
     closed = abs(angle - 2 * np.pi) < 1e-12 and not slit
 
     def mapping(uv):
-        r, t = uv[..., 0], uv[..., 1]
+        r, t = graded((uv[..., 0] - r_in) / (r_out - r_in), grading) * (r_out - r_in) + r_in, uv[..., 1]
         return np.stack([r * np.cos(t), r * np.sin(t), np.zeros_like(r)], axis=-1)
 
     mesh = rectangle(

@@ -108,7 +108,7 @@ def test_random_seed_is_reproducible_and_as_large_as_it_says():
 
 
 def test_prolongation_reproduces_a_smooth_shape():
-    coarse, fine = DrapeTest(cells=(3, 36)), DrapeTest(cells=(5, 60))
+    coarse, fine = DrapeTest(cells=(5, 36)), DrapeTest(cells=(7, 60))
 
     def shape(surface):
         r, t = seeds.polar(surface)

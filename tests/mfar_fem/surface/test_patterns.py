@@ -146,3 +146,12 @@ def test_cylinder_and_sphere_point_outwards(closed):
 def test_bad_input(build):
     with pytest.raises(InputError):
         build()
+
+
+def test_graded_annulus_widens_outward():
+    ring = patterns.annulus(0.09, 0.15, 6, 24, grading=8.0)
+    r = np.unique(np.round(np.hypot(*ring.vertices[:, :2].T), 12))
+    widths = np.diff(r)
+    assert r[[0, -1]] == pytest.approx([0.09, 0.15]) and np.allclose(widths[1:] / widths[:-1], 8.0 ** (1 / 6))
+    s = np.linspace(0.0, 1.0, 11)
+    np.testing.assert_allclose(patterns.ungraded(patterns.graded(s, 8.0), 8.0), s, atol=1e-14)
