@@ -150,6 +150,27 @@ def drape_inverse(
             plot_inverse(rows, population(data)))
 
 
+@app.command("drape-mesh")
+def drape_mesh(
+    fabric: Annotated[str, typer.Argument(help="Preset or fabric file.")] = "faille",
+    folds: Annotated[int | None, typer.Option(min=0, help="Start from so many folds; default: nearly flat, carried up.")] = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Refine the mesh under one branch of a drape: how far its coefficient is from converged."""
+    folder = _folder(out, "drape-mesh")
+    from material_tests.drape import DrapeTest, Seed
+    from material_tests.drape.study import mesh_convergence, render_convergence
+    from mfar_fem.materials import Fabric
+
+    start = Seed("flat", 1) if folds is None else Seed("folds", folds)
+    with progress("drape, meshes") as advance:
+        rows = mesh_convergence(Fabric.load(fabric), DrapeTest(), start, carried=folds is None,
+                                progress=lambda row: advance(1, description="{} × {}".format(*row["cells"])))
+    _finish("drape-mesh", {"fabric": fabric, "start": start.label, "rows": rows}, folder, as_json,
+            lambda payload: render_convergence(payload["rows"]))
+
+
 def _folder(out: Path | None, name: str) -> Path:
     return check_writable(out if out is not None else Path("out") / f"study-{name}")
 

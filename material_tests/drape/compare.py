@@ -123,7 +123,7 @@ def error_against(fabric, test: DrapeTest, x: np.ndarray, head: Mapping[str, Any
     -------
     dict
         ``drape_coefficient_percent`` and ``nodes`` there, ``error_points`` of the coefficient, ``energy_error``, ``wall_s``,
-        ``same_branch``: whether it kept its folds and moved by less than 5 mm (root mean square).
+        ``same_branch``: whether it kept its folds, moved by less than 5 mm (root mean square) and its energy by less than 10 %.
     """
     from material_tests.drape.seeds import prolong
 
@@ -137,7 +137,8 @@ def error_against(fabric, test: DrapeTest, x: np.ndarray, head: Mapping[str, Any
             "error_points": head["drape_coefficient_percent"] - dc, "energy_J": fine.rest.energy,
             "energy_error": (head["energy_J"] - fine.rest.energy) / abs(fine.rest.energy), "wall_s": fine.wall_s,
             "iterations": fine.rest.iterations, "converged": fine.rest.converged, "stable": fine.rest.stable,
-            "moved_m": moved, "same_branch": moved < 5e-3 and fine.reading.nodes == head["nodes"]}
+            "moved_m": moved, "same_branch": moved < 5e-3 and fine.reading.nodes == head["nodes"] and
+            abs(head["energy_J"] - fine.rest.energy) < 0.1 * abs(fine.rest.energy)}
 
 
 def render(payload: Mapping[str, Any]) -> list[Any]:

@@ -161,6 +161,6 @@ def admissible(problem, x: np.ndarray, rounds: int = 30) -> np.ndarray:
         if np.isfinite(problem.energy(start(problem, x), 1.0)):
             break
         kept, rest = x[held], problem.surface.nodes  # averaged places would wander towards the wider cells
-        x = rest + 0.5 * (x - rest + mean @ (x - rest))
+        x = rest + 0.8 * (x - rest) + 0.2 * (mean @ (x - rest))
         x[held] = kept
     return x

@@ -143,17 +143,43 @@ def study(fabric, fidelity: str = "draft", shear: Sequence[float] = SHEAR, sizes
             "measured": None if dc is None else {"dc": dc.value, "nodes": None if nodes is None else nodes.value}}
 
 
-def mesh_convergence(fabric, test: DrapeTest, start: Seed, meshes: Sequence[tuple[int, int]] = ((6, 72), (9, 108), (12, 144))
-                     ) -> list[dict[str, Any]]:
-    """One branch carried from mesh to mesh (cells across and round): coefficient, nodes, energy, and how far the sheet moved."""
+def mesh_convergence(fabric, test: DrapeTest, start: Seed,
+                     meshes: Sequence[tuple[int, int]] = ((7, 144), (10, 192), (14, 288), (18, 384)), carried: bool = True,
+                     progress: Callable[[dict[str, Any]], None] | None = None) -> list[dict[str, Any]]:
+    """One branch on finer and finer meshes (cells across and round): coefficient, nodes, energy, and how far the sheet moved.
+
+    ``carried``: every mesh starts from the coarsest one's rest state; otherwise from ``start`` itself, which finds the branch anew
+    where the coarse sheet folds too sharply to be carried (``moved_m`` is nan then).
+    """
     coarse = DrapeTest(test.size, test.fidelity, meshes[0])
-    first = drape(fabric, coarse, start).row()
-    rows = [{"cells": list(meshes[0]), "drape_coefficient_percent": first["drape_coefficient_percent"], "nodes": first["nodes"],
-             "energy_J": first["energy_J"], "moved_m": 0.0, "same_branch": True}]
-    for cells in meshes[1:]:
-        found = error_against(fabric, coarse, np.array(first["x_m"]), first, (cells[0], cells[1]))
-        rows.append({key: found[key] for key in rows[0]})
+    first, rows = drape(fabric, coarse, start).row(), []
+    for cells in meshes:
+        if cells == meshes[0]:
+            found = first | {"moved_m": 0.0, "same_branch": True}
+        elif carried:
+            found = error_against(fabric, coarse, np.array(first["x_m"]), first, (cells[0], cells[1]))
+        else:
+            found = drape(fabric, DrapeTest(test.size, test.fidelity, (cells[0], cells[1])), start).row()
+            found |= {"moved_m": math.nan, "same_branch": found["nodes"] == first["nodes"]}
+        keys = ("drape_coefficient_percent", "nodes", "energy_J", "moved_m", "same_branch")
+        rows.append({"cells": list(cells)} | {key: found[key] for key in keys})
+        if progress is not None:
+            progress(rows[-1])
     return rows
+
+
+def render_convergence(rows: Sequence[Mapping[str, Any]]) -> list[Any]:
+    """The branch over the meshes as a rich table, and the difference of the two finest."""
+    from rich.table import Table
+
+    table = Table(title="one branch, finer and finer")
+    for column in ("cells", "DC, %", "nodes", "energy, mJ", "same branch"):
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row("{} × {}".format(*row["cells"]), f"{row['drape_coefficient_percent']:.2f}", str(row["nodes"]),
+                      f"{1e3 * row['energy_J']:.4f}", "yes" if row["same_branch"] else "NO")
+    last = [row["drape_coefficient_percent"] for row in rows[-2:]]
+    return [table, f"between the two finest: {abs(last[-1] - last[0]):.2f} points"]
 
 
 def render_study(result: Mapping[str, Any]) -> list[Any]:

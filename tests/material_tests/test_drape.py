@@ -235,3 +235,12 @@ def test_pictures_of_the_studies():
     found = {"name": "wool", "areal_density": 0.27, "shear": 15.0, "rigidity_Nm": 4e-5}
     figure = plots.plot_inverse([found, found | {"failure": "none"}], np.array([[0.1, 1e-5], [0.3, 2e-5]]))
     assert "shear 15 N/m" in figure.axes[0].get_legend().get_texts()[1].get_text()
+
+
+@pytest.mark.parametrize("carried", [True, False])
+def test_a_branch_over_the_meshes(carried):
+    stiff = study.with_bending(FAILLE, 20)
+    rows = study.mesh_convergence(stiff, TINY, Seed("folds", 4), ((2, 24), (3, 32)), carried)
+    assert [row["cells"] for row in rows] == [[2, 24], [3, 32]] and all(row["same_branch"] for row in rows)
+    assert rows[1]["drape_coefficient_percent"] == pytest.approx(rows[0]["drape_coefficient_percent"], abs=3.0)
+    assert "between the two finest" in study.render_convergence(rows)[-1]
