@@ -143,7 +143,7 @@ def _quadratic(s: np.ndarray) -> np.ndarray:
     return np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=1)
 
 
-def admissible(problem, x: np.ndarray, rounds: int = 30) -> np.ndarray:
+def admissible(problem, x: np.ndarray, rounds: int = 200) -> np.ndarray:
     """Nodes ``x`` (nn, 3), displacements of the free ones averaged with their neighbours' until the energy is finite.
 
     A coarse sheet is not stretched where its strain is sampled, but may be between the samples, at sharp folds: there a finer mesh
