@@ -133,10 +133,10 @@ def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = 
 
 
 def _evaluate(problem: Problem, state: State, lam: float, exact: bool, options: NewtonOptions, out: NewtonResult,
-              step: np.ndarray | None = None):
+              step: np.ndarray | None = None, definite: bool = False):
     """Gradient and tangent data at ``state``; records the residual and whether it is below tolerance."""
     clock = time.perf_counter()
-    g, data = problem.tangent(state, lam, exact, step)
+    g, data = problem.tangent(state, lam, exact, step, definite)
     out.assembly_s += time.perf_counter() - clock
     r = g.copy()
     r[problem.fixed] = 0.0
@@ -201,9 +201,9 @@ def _plain(problem, start, lam, energy, solver, options, out, enough) -> None:
 
 def _descent(problem, state, lam, energy, solver, options, out, enough) -> None:
     """Line search on the energy with the safe tangent, and the exact one near the solution."""
-    exact, previous = options.tangent == "exact", np.inf
+    exact, previous, definite = options.tangent == "exact", np.inf, False
     for iteration in range(options.max_iterations + 1):
-        g, data, reference, done = _evaluate(problem, state, lam, exact, options, out)
+        g, data, reference, done = _evaluate(problem, state, lam, exact, options, out, definite=definite and not exact)
         out.state, out.iterations = state, iteration
         if done:
             out.status = "converged"
@@ -212,13 +212,14 @@ def _descent(problem, state, lam, energy, solver, options, out, enough) -> None:
             out.status = "iteration limit"
             return
         clock = time.perf_counter()
-        step, used_exact = _direction(problem, state, lam, g, data, exact, solver, options)
+        step, used_exact = _direction(problem, state, lam, g, data, exact, definite, solver, options)
         out.solve_s += time.perf_counter() - clock
         out.safe_iterations += not used_exact
         if step is None:
             out.status = "singular tangent"
             return
         t, state_new, energy_new = _line_search(problem, state, lam, energy, g, step, options)
+        definite = definite or (t < 1.0 and not used_exact)  # far from the solution: contacts by their stiff part alone
         if t == 0.0:
             if used_exact and options.tangent != "exact":
                 exact = False
@@ -261,13 +262,13 @@ def _solver(problem: Problem, state: State, options: NewtonOptions) -> LinearSol
     return solver
 
 
-def _direction(problem, state, lam, g, data, exact, solver, options):
+def _direction(problem, state, lam, g, data, exact, definite, solver, options):
     """Newton step (n,) with zeros on held unknowns, and whether it is the exact one; None if the tangent is singular."""
     touching = any(hasattr(load, "sparse_hessian") for load in problem.loads)
-    attempts = [(True, False)] * bool(exact) + [(False, False)] + [(False, True)] * touching
-    for i, (attempt, definite) in enumerate(attempts):
+    attempts = [(True, False)] * bool(exact) + [(False, definite)] + [(False, True)] * (touching and not definite)
+    for i, (attempt, whole) in enumerate(attempts):
         if i > 0:
-            _, data = problem.tangent(state, lam, False, definite=definite)
+            _, data = problem.tangent(state, lam, False, definite=whole)
         step = np.zeros(problem.n)
         try:
             step[problem.free] = solver.factor(problem.system(data))(-g[problem.free])
