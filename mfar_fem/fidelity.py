@@ -8,7 +8,7 @@ from mfar_fem.errors import ParameterError, UnknownNameError
 from mfar_fem.solve.integrators import METHODS
 
 CONTACT_ERROR = 0.5
-"""Error left in a step with contact, as a share of the step's own: a thousandth of what halving the step changes (docs)."""
+"""Error left in a step with contact, as a share of the step's own: about a twentieth of what halving the step changes (docs)."""
 
 
 @dataclass(frozen=True)

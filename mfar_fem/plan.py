@@ -15,9 +15,11 @@ from mfar_fem.units import STANDARD_GRAVITY
 
 HANGING = 1.20241278
 """Lowest frequency of a hanging strip, ω √(L/g): half the first zero of the Bessel function J0."""
-STEP_ITERATIONS = {False: 3.0, True: 8.0}
-"""Newton iterations a time step usually takes without and with contact; at rest in all:"""
+STEP_ITERATIONS = {(False, False): 3.0, (False, True): 2.0, (True, False): 8.0, (True, True): 2.5}
+"""Newton iterations a time step usually takes, by whether things touch and whether an error may be left; at rest in all:"""
 REST_ITERATIONS = 500.0
+CONTACT_COST = 2.5
+"""What an iteration with contact costs beside one without."""
 
 
 def plan(scene: Scene, measure: bool = True) -> dict[str, Any]:
@@ -156,7 +158,8 @@ def _cost_elements(scene: Scene, surface, measure: bool) -> dict[str, Any]:
     )  # of a sparse factor of a surface mesh, measured on 2k to 100k unknowns
     memory = (8.0 * (3 * entries + fill) + 4.0 * sum(p.size for p in problem.pattern.positions)) / 1e6
     steps = None if scene.duration is None else math.ceil(scene.duration / scene.level.dt)
-    iterations = REST_ITERATIONS if steps is None else STEP_ITERATIONS[scene.has_contact] * steps
+    left = scene.level.error_left(scene.has_contact)
+    iterations = REST_ITERATIONS if steps is None else STEP_ITERATIONS[scene.has_contact, left > 0] * steps
     found: dict[str, Any] = {
         "unknowns": n,
         "edge_unknowns": problem.shell.n_alpha,
@@ -164,6 +167,7 @@ def _cost_elements(scene: Scene, surface, measure: bool) -> dict[str, Any]:
         "memory_MB": memory,
         "steps": steps,
         "iterations_expected": iterations,
+        "iteration_error": left,
         "seconds": None,
     }
     if measure:
@@ -171,7 +175,7 @@ def _cost_elements(scene: Scene, surface, measure: bool) -> dict[str, Any]:
         found |= {
             "assembly_s": once[0],
             "solve_s": once[1],
-            "seconds": iterations * (1.15 * once[0] + once[1]) * (1.4 if scene.has_contact else 1.0),
+            "seconds": iterations * (1.15 * once[0] + once[1]) * (CONTACT_COST if scene.has_contact else 1.0),
             "seconds_from": "one assembly and one factorisation timed now, times the usual iterations: within a factor of 2",
         }
     return found

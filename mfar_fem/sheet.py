@@ -63,7 +63,7 @@ class Sheet:
             text = {"rectangle": "two sides", "disc": "a radius", "annulus": "an inner and an outer radius", "mesh": "no size"}
             raise InputError(f"a {self.kind} needs {text[self.kind]} (m), got {list(self.size)}")
         if not (math.isfinite(self.grading) and self.grading > 0) or (self.grading != 1.0 and self.kind != "annulus"):
-            raise InputError(f"a grading is positive and for an annulus, got {self.grading:g} for a {self.kind}")
+            raise InputError(f"a grading is positive and for an annulus, got {self.grading:g} for kind '{self.kind}'")
 
     @property
     def longest(self) -> float:

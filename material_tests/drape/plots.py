@@ -32,9 +32,9 @@ def plot_branches(rows: Sequence[Mapping[str, Any]], title: str = ""):
         fill = [colour if row["physical"] else "none" for row in part]
         axes.scatter([row["nodes"] for row in part], [1e3 * row["energy_J"] for row in part], c=fill, edgecolors=colour,
                      marker=marker, label=label, s=42, zorder=3)
-    for row in rows:
-        axes.annotate(f"{row['drape_coefficient_percent']:.0f} %", (row["nodes"], 1e3 * row["energy_J"]), fontsize=8,
-                      xytext=(6, 3), textcoords="offset points")
+    labels = {(row["nodes"], f"{row['drape_coefficient_percent']:.0f} %"): 1e3 * row["energy_J"] for row in rows}
+    for (nodes, text), energy in labels.items():  # branches that read the same lie on each other
+        axes.annotate(text, (nodes, energy), fontsize=8, xytext=(6, 3), textcoords="offset points")
     axes.set_xlabel("nodes")
     axes.set_ylabel("energy at rest, mJ (flat: 0)")
     locator = axes.xaxis.get_major_locator()

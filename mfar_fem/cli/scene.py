@@ -151,6 +151,9 @@ def _render_plan(payload: Mapping[str, Any]):
         f"({payload['edge_unknowns']} edge rotations), {payload['matrix_entries']} matrix entries",
         f"memory about {payload['memory_MB']:.0f} MB besides 250 MB of libraries",
     ]
+    if payload.get("iteration_error"):
+        share = payload["iteration_error"]
+        shown.append(f"steps are solved to {share:g} of their own time error (iteration_error; 0: to the residual)")
     if payload["seconds"] is not None:
         shown.append(f"expected time about {payload['seconds']:.0f} s ({payload['seconds_from']})")
     return shown

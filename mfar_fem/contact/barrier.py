@@ -181,7 +181,6 @@ class Barrier:
                                   0.25 * self.dhat)
         self._motion = BodyAdvance(self.mesh, 0.0)
         self._friction = LaggedFriction(self.mesh, self.friction, self.self_friction, self.eps_v)
-        self._snapshot: _Snapshot | None = None
         self._recent: list[_Snapshot] = []
         self._candidates: Any = None
         self._covered: np.ndarray | None = None
@@ -236,9 +235,9 @@ class Barrier:
     # -- contacts of a state -----------------------------------------------------------------------------------------------
     def _at(self, shell: Shell, state: State) -> _Snapshot:
         x = state.u[: shell.alpha_offset]
-        for s in self._recent:
+        for i, s in enumerate(self._recent):
             if s.placement == self._motion.placement and np.array_equal(x, s.x):
-                self._snapshot = s
+                self._recent.insert(0, self._recent.pop(i))
                 return s
         vertices = self._vertices(x)
         if not np.all(np.isfinite(vertices)):
@@ -248,9 +247,9 @@ class Barrier:
         collisions = self._collisions(vertices, self._candidates)
         squared = collisions.compute_minimum_distance(self.mesh.mesh, vertices) if len(collisions) else np.inf
         distance = float(np.sqrt(squared)) - self.min_distance
-        self._snapshot = _Snapshot(x.copy(), self._motion.placement, vertices, collisions, distance)
-        self._recent = [self._snapshot, *self._recent[: KEPT - 1]]
-        return self._snapshot
+        s = _Snapshot(x.copy(), self._motion.placement, vertices, collisions, distance)
+        self._recent = [s, *self._recent[: KEPT - 1]]
+        return s
 
     def _away(self, vertices: np.ndarray) -> float:
         """How far the farthest of ``vertices`` is from where candidate pairs were searched, m."""
@@ -562,9 +561,9 @@ class Barrier:
 
     def summary(self) -> tuple[int, float | None]:
         """Active pairs and least distance (m; None without pairs) of the positions seen last."""
-        s = self._snapshot
-        if s is None or len(s.collisions) == 0:
+        if not self._recent or len(self._recent[0].collisions) == 0:
             return 0, None
+        s = self._recent[0]
         return len(s.collisions), s.distance
 
     def touches(self, shell: Shell, state: State) -> bool:

@@ -93,6 +93,10 @@ class NewtonResult:
         """Whether the residual is below tolerance, or the step before was ``enough``."""
         return self.status == "converged"
 
+    def stop_here(self, state: State, iterations: int) -> None:
+        """Converged at ``state`` by the error left in it."""
+        self.state, self.status, self.iterations, self.by_error = state, "converged", iterations, True
+
 
 def newton(problem: Problem, state: State, lam: float, options: NewtonOptions = DEFAULT_OPTIONS,
            descend: bool = True, enough: Callable[[State, float, bool], bool] | None = None,
@@ -194,7 +198,7 @@ def _plain(problem, start, lam, energy, solver, options, out, enough) -> None:
         state = state.with_u(state.u + free * step)
         decrement = -float(g @ step)
         if enough is not None and enough(state, decrement, free == 1.0) and problem.energy(state, lam) <= energy:
-            out.state, out.status, out.iterations, out.by_error = state, "converged", iteration + 1, True
+            out.stop_here(state, iteration + 1)
             return
         step *= free
 
@@ -236,7 +240,7 @@ def _descent(problem, state, lam, energy, solver, options, out, enough) -> None:
             exact = t == 1.0 and (used_exact or (moved < 0.3 and out.residual < previous))
         state, energy, previous = state_new, energy_new, out.residual
         if enough is not None and enough(state, -float(g @ step), t == 1.0):
-            out.state, out.status, out.iterations, out.by_error = state, "converged", iteration + 1, True
+            out.stop_here(state, iteration + 1)
             return
         if iteration % RENEWAL == RENEWAL - 1 or _turned(problem, state) > LARGEST_TURN:  # too far from the directors
             state = problem.shell.accept(state)
