@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from mfar_fem.errors import InputError, MissingDependencyError
+from mfar_fem.threads import VARIABLE
 
 logger = logging.getLogger(__name__)
 CONNECT_TIMEOUT = 10.0  # s, to reach a scheduler
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", VARIABLE, "VECLIB_MAXIMUM_THREADS")
 
 
 @dataclass(frozen=True)

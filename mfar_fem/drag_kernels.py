@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-jit = njit(cache=True, error_model="numpy")
+jit = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @jit
@@ -28,8 +28,9 @@ def potential(velocity, conn, N, weights, normals, wind, gamma_n, gamma_t):
 def assemble(velocity, conn, N, weights, normals, wind, gamma_n, gamma_t, scale, want, positions, force, data):
     """Add minus the drag to ``force`` (nn, 3) and, if ``want``, ``scale`` times its derivative by the velocity to ``data``."""
     nn = N.shape[1]
-    v, vt, block = np.empty(3), np.empty(3), np.empty((3, 3))
+    v, vt, block, K = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((nn, 3, nn, 3))
     for el in range(conn.shape[0]):
+        K[:] = 0.0
         for q in range(N.shape[0]):
             w = weights[el, q]
             for c in range(3):
@@ -54,8 +55,18 @@ def assemble(velocity, conn, N, weights, normals, wind, gamma_n, gamma_t, scale,
                         block[a, b] += gamma_t * vt[a] * vt[b] / speed
                 block[a, a] += gamma_t * speed
             for i in range(nn):
-                for j in range(nn):
+                for j in range(i, nn):
                     k = scale * w * N[q, i] * N[q, j]
                     for a in range(3):
                         for b in range(3):
-                            data[positions[el, (3 * i + a) * 3 * nn + 3 * j + b]] += k * block[a, b]
+                            K[i, a, j, b] += k * block[a, b]
+        if not want:
+            continue
+        for i in range(nn):
+            for j in range(i, nn):
+                for a in range(3):
+                    for b in range(3):
+                        k = K[i, a, j, b]
+                        data[positions[el, (3 * i + a) * 3 * nn + 3 * j + b]] += k
+                        if j > i:
+                            data[positions[el, (3 * j + b) * 3 * nn + 3 * i + a]] += k

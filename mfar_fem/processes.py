@@ -6,7 +6,10 @@ import contextlib
 import os
 from collections.abc import Iterator
 
-THREADS = ("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+from mfar_fem import threads
+
+THREADS = ("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", threads.VARIABLE)
+"""Numba's own variable must not change once its threads run."""
 
 
 @contextlib.contextmanager

@@ -95,13 +95,34 @@ class Air:
         return self.normal > 0 or self.tangential > 0 or self.per_vertex > 0
 
 
+BODY_CONTACT = ("auto", "exact", "mesh")
+
+
 @dataclass(frozen=True)
 class Contact:
-    """Settings of contact: distance at which it begins (m), of the sheet with itself, friction of the sheet on itself."""
+    """Settings of contact.
+
+    Attributes
+    ----------
+    distance : float
+        At which it begins, m.
+    self_contact : bool
+        Whether the sheet may touch itself.
+    self_friction : float
+        Of the sheet on itself.
+    bodies : {'auto', 'exact', 'mesh'}
+        How the finite-element levels meet bodies: by their exact distance, as closed meshes, or the first where it can be
+        (:func:`mfar_fem.contact.exact.why_not`).
+    """
 
     distance: float = 1e-3
     self_contact: bool = False
     self_friction: float = 0.0
+    bodies: str = "auto"
+
+    def __post_init__(self):
+        if self.bodies not in BODY_CONTACT:
+            raise InputError(f"contact: bodies is one of {', '.join(BODY_CONTACT)}; got {self.bodies!r}")
 
 
 @dataclass(frozen=True)
@@ -291,13 +312,32 @@ class Scene:
             found.append(VertexDrag(self.air.per_vertex, self.air.velocity))
         return found
 
-    def barrier(self):
-        """Contact energy, or None where nothing can touch."""
+    def barrier(self, surface: Surface):
+        """Contact energy of the sheet where it starts (``surface``), or None where nothing can touch."""
         if not self.has_contact:
             return None
+        c = self.contact
+        if self.meshed_because(surface) is None:
+            from mfar_fem.contact.exact import ExactBarrier
+
+            return ExactBarrier(self.bodies, c.distance)
         from mfar_fem.contact.barrier import Barrier
 
-        return Barrier(self.bodies, self.contact.self_contact, dhat=self.contact.distance, self_friction=self.contact.self_friction)
+        return Barrier(self.bodies, c.self_contact, dhat=c.distance, self_friction=c.self_friction)
+
+    def meshed_because(self, surface: Surface) -> str | None:
+        """Why bodies are met as meshes; None where their exact distance is used."""
+        if self.contact.bodies == "mesh":
+            return "asked for ([contact] bodies = 'mesh')"
+        if self.contact.self_contact:
+            reason: str | None = "the sheet may touch itself"
+        else:
+            from mfar_fem.contact.exact import why_not
+
+            reason = why_not(self.bodies, surface, self.contact.distance)
+        if reason is not None and self.contact.bodies == "exact":
+            raise InputError(f"[contact] bodies = 'exact' is not possible: {reason}; use 'auto' or 'mesh'")
+        return reason
 
     def start_nodes(self, surface: Surface, supports: Sequence[Support]) -> np.ndarray:
         """Nodes (nn, 3) at the start: the surface with the seeded perturbation, smooth over a few cells, held parts left alone."""

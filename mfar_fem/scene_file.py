@@ -14,7 +14,7 @@ from mfar_fem.errors import DataFileError, MfarError, UnknownNameError
 from mfar_fem.fidelity import LEVELS, Fidelity
 from mfar_fem.loads import GRAVITY
 from mfar_fem.materials.fabric import Fabric, fabric_names
-from mfar_fem.scene import Air, Contact, Hold, Output, Scene
+from mfar_fem.scene import BODY_CONTACT, Air, Contact, Hold, Output, Scene
 from mfar_fem.sheet import KINDS, Sheet
 from mfar_fem.tomlfile import TomlFile, suggest
 
@@ -378,11 +378,15 @@ def _air(file: TomlFile) -> Air | None:
 def _contact(file: TomlFile) -> Contact:
     if "contact" not in file.data:
         return Contact()
-    file.check_keys(("contact",), ("distance", "self", "self_friction"))
+    file.check_keys(("contact",), ("distance", "self", "self_friction", "bodies"))
+    bodies = file.get("contact", "bodies", default="auto", kind=str)
+    if bodies not in BODY_CONTACT:
+        raise file.error(f"must be one of {', '.join(BODY_CONTACT)}, not '{bodies}'", "contact", "bodies")
     return Contact(
         file.quantity("contact", "distance", unit="m", default=1e-3),
         file.get("contact", "self", default=False, kind=bool),
         _number(file, "contact", "self_friction", default=0.0),
+        bodies,
     )
 
 

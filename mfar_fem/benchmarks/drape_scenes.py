@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from mfar_fem.contact.barrier import Barrier
+from mfar_fem.errors import MissingDependencyError
 from mfar_fem.fidelity import LEVELS
 from mfar_fem.scene_file import load_scene
 from mfar_fem.simulation.engines import Advance, FiniteElements, engine
@@ -33,7 +35,8 @@ AIM = {"draft": 5.0, "standard": 20.0, "reference": 60.0}
 
 
 def run(
-    scene: str, level: str = "standard", duration: float = 1.0, self_contact: bool = False, progress=None, **overrides: Any
+    scene: str, level: str = "standard", duration: float = 1.0, self_contact: bool = False, progress=None, bodies: str = "auto",
+    **overrides: Any
 ) -> dict[str, Any]:
     """Run ``drape-sphere`` or ``drape-cylinder`` for a time.
 
@@ -44,6 +47,8 @@ def run(
     duration : float
         Simulated time, s.
     self_contact : bool
+    bodies : {'auto', 'exact', 'mesh'}
+        How they are met, see :class:`mfar_fem.scene.Contact`.
     progress : callable, optional
         Called with the simulated time after every step.
     **overrides
@@ -57,7 +62,7 @@ def run(
         ``status``, ``public`` and ``aim_s``.
     """
     loaded = load_scene(scene, level, **overrides)
-    loaded = replace(loaded, duration=duration, contact=replace(loaded.contact, self_contact=self_contact))
+    loaded = replace(loaded, duration=duration, contact=replace(loaded.contact, self_contact=self_contact, bodies=bodies))
     warm = engine(loaded)
     warm.advance(loaded.level.dt, lambda row: None)
     del warm
@@ -76,7 +81,7 @@ def run(
     outside = min(float(b.signed_distance(nodes, e.time)[0].min()) for b in loaded.bodies)
     intersects = None
     if isinstance(e, FiniteElements) and e.barrier is not None:
-        intersects = e.barrier.has_intersections(e.dynamics.problem.shell, e.dynamics.motion.state)
+        intersects = e.barrier.has_intersections(e.dynamics.problem.shell, e.dynamics.motion.state) or meshes_intersect(e)
     distances = [r["distance"] for r in rows if "distance" in r]
     return {
         "benchmark": scene,
@@ -93,6 +98,7 @@ def run(
         "unknowns": e.summary()["unknowns"],
         "elements": e.summary()["elements"],
         "self_contact": self_contact,
+        "bodies_met": None if loaded.level.order == 0 else "exact" if loaded.meshed_because(e.surface) is None else "mesh",
         "intersects": intersects,
         "least_distance_m": min(distances, default=None),
         "deepest_node_m": outside,
@@ -104,6 +110,16 @@ def run(
         "aim_s": AIM[level],
         "public": [{"code": n, "from_s": a, "to_s": b, "what": w} for n, a, b, w in PUBLIC],
     }
+
+
+def meshes_intersect(run: FiniteElements) -> bool:
+    """Whether the sheet intersects the bodies' meshes by ipctk, whatever contact the run had; False without ipctk."""
+    try:
+        check = Barrier(run.scene.bodies)
+    except MissingDependencyError:
+        return False
+    check.bind(run.dynamics.problem.shell)
+    return check.has_intersections(run.dynamics.problem.shell, run.dynamics.motion.state)
 
 
 def error_study(

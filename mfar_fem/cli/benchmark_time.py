@@ -89,12 +89,13 @@ def _drape_command(name: str):
                 cells: Annotated[int | None, typer.Option(help="Cells along a side (39: 40 x 40 vertices).", min=2)] = None,
                 iteration_error: Annotated[float | None, typer.Option(help="Error Newton's method may leave in a step, as a share "
                                            "of the step's local error (0: solve to the residual).", min=0)] = None,
+                bodies: Annotated[str, typer.Option(help="How bodies are met: exact (by their distance), mesh, auto.")] = "auto",
                 self_contact: Annotated[bool, typer.Option("--self-contact", help="The cloth may touch itself.")] = False,
                 as_json: _JSON = False) -> None:
         from mfar_fem.benchmarks.drape_scenes import run
 
         with progress(f"{name}, {fidelity}", duration) as advance:
-            payload = run(name, fidelity, duration, self_contact, lambda t: advance(0, completed=t), cells=cells,
+            payload = run(name, fidelity, duration, self_contact, lambda t: advance(0, completed=t), bodies, cells=cells,
                           iteration_error=iteration_error)
         emit(payload, as_json, _render_drape)
         if not payload["converged"]:

@@ -39,8 +39,8 @@ from mfar_fem.contact.start import (
     inside_pairs,
     intersecting_pairs,
 )
+from mfar_fem.contact.stiffness import BarrierStiffness
 from mfar_fem.errors import InputError
-from mfar_fem.loads import GRAVITY
 from mfar_fem.shell import Shell, State
 from mfar_fem.solve.problem import InadmissibleStateError
 
@@ -51,10 +51,6 @@ SEGMENT, MAX_SEGMENTS = 8.0, 64
 """A step is searched for collisions in parts of this many mean edges, at most so many of them."""
 KEPT = 4
 """States whose contacts are remembered: those at the start of a step and of the first guesses are asked for again."""
-TENSION = 1e-3
-"""Strain whose tension the barrier is made for, on a curve as wide as the sheet."""
-HARD, STIFFER = 0.1, 1e6
-"""Contacts nearer than this share of ``dhat`` and still approaching make the barrier stiffer, up to this factor."""
 
 
 @dataclass(frozen=True)
@@ -186,20 +182,18 @@ class Barrier:
         self._covered: np.ndarray | None = None
         self._margin = self.margin
         self._segments: list[tuple[int, np.ndarray, np.ndarray]] = []
-        self._previous = np.inf
-        fabric = shell.fabric
-        self._density, size = float(fabric.areal_density), self._size(shell.surface.nodes)
-        self._least = max(self._density * -GRAVITY[2],
-                          TENSION * fabric.membrane_scale * float(np.abs(fabric.law.tangent_at_rest()).max()) / size)
-        self._set_stiffness(self._given or self._least)
-        self._hardest, self._chosen = STIFFER * self.stiffness, self._given is not None
-        self._solved, self._solved_stiffness = self._potential, self.stiffness
+        self._kappa = BarrierStiffness(shell, self.dhat, self._given)
+        self._potential = self._solved = self._barrier(self._kappa.value)
         if self.self_contact:
             self._check_reference()
 
-    def _set_stiffness(self, value: float) -> None:
-        self.stiffness = float(value)
-        self._potential = self._ipc.BarrierPotential(self.dhat, self.stiffness, True)
+    @property
+    def stiffness(self) -> float:
+        """κ, Pa."""
+        return self._kappa.value
+
+    def _barrier(self, stiffness: float):
+        return self._ipc.BarrierPotential(self.dhat, stiffness, True)
 
     def _check_reference(self) -> None:
         vertices = self.mesh.rest.copy(order="F")
@@ -458,10 +452,8 @@ class Barrier:
         s = self._at(shell, state)
         if not self._is_free(s):
             raise IntersectingStartError(f"the step from t = {t0:.6g} s starts from a state that intersects or touches")
-        if not self._chosen:
-            self._set_stiffness(max(self._least, self._density * self.dhat / dt**2))
-            self._hardest, self._chosen, self._solved = STIFFER * self.stiffness, True, self._potential
-            self._solved_stiffness = self.stiffness
+        if self._kappa.choose(dt):
+            self._potential = self._solved = self._barrier(self.stiffness)
         self._friction.begin(s.vertices, dt)
         self._friction.lag(s.vertices, s.collisions, self._solved)
         return self._move_bodies(s.x)
@@ -532,26 +524,19 @@ class Barrier:
     def end_step(self, shell: Shell, state: State) -> None:
         """After an accepted step: make the barrier stiffer where it lets contacts come too near."""
         s = self._at(shell, state)
-        # friction of the next step takes its normal forces from what was in balance
-        self._solved, self._solved_stiffness = self._potential, self.stiffness
-        if self._given is None and np.isfinite(s.distance):
-            size = self._size(s.vertices)
-            bound = HARD * self.dhat / size
-            self._set_stiffness(self._ipc.update_barrier_stiffness(
-                min(self._previous, size) ** 2, s.distance**2, self._hardest, self.stiffness, size, bound))
-        self._previous = s.distance
+        self._solved = self._potential  # friction of the next step takes its normal forces from what was in balance
+        self._kappa.end_step(s.distance)
+        if self._kappa.value != self._kappa.solved:
+            self._potential = self._barrier(self.stiffness)
 
     def memory(self) -> dict[str, float]:
         """What the next step needs besides the state of the sheet, for a checkpoint."""
-        return {"stiffness": self.stiffness, "solved": self._solved_stiffness, "hardest": self._hardest,
-                "previous": self._previous, "chosen": float(self._chosen)}
+        return self._kappa.memory()
 
     def restore(self, memory: dict[str, float]) -> None:
         """Take up what :meth:`memory` gave."""
-        self._set_stiffness(memory["solved"])
-        self._solved, self._solved_stiffness = self._potential, self.stiffness
-        self._set_stiffness(memory["stiffness"])
-        self._hardest, self._previous, self._chosen = memory["hardest"], memory["previous"], bool(memory["chosen"])
+        self._kappa.restore(memory)
+        self._potential, self._solved = self._barrier(self.stiffness), self._barrier(self._kappa.solved)
 
     # -- results ---------------------------------------------------------------------------------------------------------------
     @property

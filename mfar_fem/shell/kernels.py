@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-jit = njit(cache=True, error_model="numpy", fastmath={"contract"})
+jit = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 
 
 @jit

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mfar_fem import threads
 from mfar_fem.errors import NotConvergedError
 from mfar_fem.shell.geometry import reference_geometry
 from mfar_fem.surface.mesh import Surface
@@ -218,11 +219,16 @@ class Shell:
         """Bending energy (nt,), J."""
         from mfar_fem.shell import kernels
 
-        g = self.geometry
-        out = np.empty(len(self.surface.elements))
-        kernels.bending_energy(kernels.SHAPES[g.tables.order], self.positions(state), self.alpha(state), state.directors,
-                               self.surface.elements, g.edge_director, g.edge_sign, *self._shape_tables,
-                               g.R_interior, g.R_edge, g.c0_interior, g.c0_edge, out)
+        g, elements = self.geometry, self.surface.elements
+        out = np.empty(len(elements))
+        x, alpha = self.positions(state), self.alpha(state)
+
+        def work(part: slice) -> None:
+            kernels.bending_energy(kernels.SHAPES[g.tables.order], x, alpha, state.directors, elements[part],
+                                   g.edge_director[part], g.edge_sign[part], *self._shape_tables, g.R_interior[part],
+                                   g.R_edge[part], g.c0_interior[part], g.c0_edge[part], out[part])
+
+        threads.run(work, threads.shares(len(elements)))
         return out
 
     def energy(self, state: State) -> float:
@@ -320,11 +326,27 @@ class Shell:
             positions = np.zeros((1, 1), dtype=np.int32)
         alpha = self.alpha(state) if self.with_bending else self._no_alpha
         directors = state.directors if self.with_bending else np.zeros((1, 3))
-        without_normal = kernels.assemble(
-            kernels.SHAPES[t.order], self.positions(state), alpha, directors, self.surface.elements, g.edge_director, g.edge_sign,
-            *self._shape_tables, t.mean, t.interpolation, g.push, g.area_weights, np.ascontiguousarray(S),
-            np.ascontiguousarray(S_geometric), np.ascontiguousarray(D), self.with_membrane, self.with_bending,
-            *self._bending_tables(), exact, tangent, self.alpha_offset, positions, gradient, data)
+        x, elements = self.positions(state), self.surface.elements
+        R_interior, R_edge, c0_interior, c0_edge = self._bending_tables()
+        S, S_geometric, D = (np.ascontiguousarray(a) for a in (S, S_geometric, D))
+
+        def work(part: slice) -> tuple[int, np.ndarray, np.ndarray]:
+            own = part.start > 0  # sums of the parts are added in order: the same to the last bit in every run
+            to, into = (np.zeros_like(gradient), np.zeros_like(data)) if own else (gradient, data)
+            bad = kernels.assemble(
+                kernels.SHAPES[t.order], x, alpha, directors, elements[part], g.edge_director[part], g.edge_sign[part],
+                *self._shape_tables, t.mean, t.interpolation, g.push[part], g.area_weights[part], S[part], S_geometric[part],
+                D[part] if tangent and self.with_membrane else D, self.with_membrane, self.with_bending,
+                R_interior[part], R_edge[part], c0_interior[part], c0_edge[part], exact, tangent, self.alpha_offset,
+                positions[part] if tangent else positions, to, into)
+            return bad, to, into
+
+        without_normal = 0
+        for bad, to, into in threads.run(work, threads.shares(len(elements))):
+            without_normal += bad
+            if to is not gradient:
+                gradient += to
+                data += into
         return admissible and not without_normal
 
     # -- parameters -----------------------------------------------------------------------------------------------------------

@@ -105,7 +105,7 @@ class FiniteElements:
             scene.supports(self.surface, time),
             scene.loads(),
             scene.drag(),
-            scene.barrier(),
+            scene.barrier(self.surface),
             self.options,
             scene.bending,
             scene.factor if scene.schedule else None,

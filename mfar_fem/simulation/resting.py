@@ -31,7 +31,7 @@ def rest(scene: Scene, folder: Path | None, resume: bool, key: str, progress):
     begin = clock.perf_counter()
     surface = scene.surface()
     supports = scene.supports(surface)
-    barrier = scene.barrier()
+    barrier = scene.barrier(surface)
     loads = scene.loads()
     if barrier is not None:
         barrier.friction = np.zeros_like(barrier.friction)

@@ -17,6 +17,7 @@ class SymmetricPardiso:
     """Factorisations of symmetric matrices that share the pattern of ``A``; only the upper triangle is used."""
 
     def __init__(self, A: csr_matrix):
+        os.environ.setdefault("KMP_BLOCKTIME", "1")  # ms; MKL's idle threads would spin for 200 and hold up the element loops
         from pypardiso import PyPardisoSolver
 
         self._indices, self._indptr = A.indices, A.indptr

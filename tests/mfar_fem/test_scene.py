@@ -29,7 +29,7 @@ def on(s):
 
 def test_a_plain_scene_has_no_more_than_it_needs():
     assert on(scene()) == {"membrane", "bending", "gravity", "inertia"}
-    assert scene().barrier() is None and scene().drag() == []
+    assert scene().barrier(scene().surface()) is None and scene().drag() == []
 
 
 def test_a_scene_to_rest_has_no_mass_and_no_drag():
