@@ -36,6 +36,12 @@ SHORT_HELP = {
     "stress-test": "Random extreme cases: each converges and is verified, or fails by name; never NaN, never a hang.",
     "study": "Longer studies: synthetic round trip, every law on the cupro curves, sensitivities.",
     "mesh": "Triangle meshes: check one, convert it, make strips, discs and annuli.",
+    "fuse": "Images of sources: check them, correct the light, match every pair, measure and vote.",
+    "keypoints": "Find the twelve structural points of the garment in images.",
+    "template": "Cutting template of a straight-cut garment from keypoints: SVG, DXF, JSON at true scale.",
+    "style": "Give images the colours and textures of another source.",
+    "benchmark-data": "Make the synthetic benchmark: garments, bodies, images in three styles, and the truth.",
+    "train": "Train the networks of the reconstruction: keypoints, style.",
 }
 
 # The click that this typer is built on (its own copy in recent versions).
@@ -52,6 +58,8 @@ def command_entry_points() -> dict[str, importlib.metadata.EntryPoint]:
 def load_command(point: importlib.metadata.EntryPoint):
     """Import a command group (a ``typer.Typer``) or a plain command function and return it as a command.
 
+    Other packages add commands to a group of that name by entry points of ``mfar.commands.NAME``.
+
     Raises
     ------
     MissingDependencyError
@@ -59,6 +67,7 @@ def load_command(point: importlib.metadata.EntryPoint):
     """
     try:
         target = point.load()
+        more = {found.name: found.load() for found in importlib.metadata.entry_points(group=f"{ENTRY_POINT_GROUP}.{point.name}")}
     except (ImportError, AttributeError) as error:
         raise MissingDependencyError(
             f"the command '{point.name}' ({point.value}) cannot be loaded: {error}; "
@@ -67,6 +76,8 @@ def load_command(point: importlib.metadata.EntryPoint):
     if not isinstance(target, typer.Typer):
         function, target = target, typer.Typer(add_completion=False)
         target.command(point.name)(function)
+    for name, function in more.items():
+        target.command(name)(function)
     target._add_completion = False
     command = typer.main.get_command(target)
     command.name = point.name
