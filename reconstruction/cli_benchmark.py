@@ -1,0 +1,66 @@
+"""``mfar benchmark-data``: make the synthetic benchmark of garments in images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mfar_fem.cli.console import check_writable, emit, progress
+from mfar_fem.errors import InputError, NotConvergedError
+
+
+def benchmark_data(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder; what is complete in it is kept.")],
+    identities: Annotated[
+        int, typer.Option(min=1, help="Garment and body pairs of three types; a seventh more of the held-out type.")
+    ] = 70,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    light: Annotated[bool, typer.Option("--light", help="Without depth, normals and labels.")] = False,
+    body: Annotated[Path | None, typer.Option(help="OBJ of a body to dress instead of drawn figures.")] = None,
+    body_keypoints: Annotated[Path | None, typer.Option(help="JSON with that body's joints.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Make images of synthetic Tang garments (figurine, mural, textile) with keypoints, depth, cameras and cutting panels."""
+    from reconstruction.benchmark.body_file import load_body
+    from reconstruction.benchmark.build import build
+    from reconstruction.benchmark.contact_sheet import contact_sheet
+    from reconstruction.benchmark.index import load_index
+
+    if (body is None) != (body_keypoints is None):
+        raise InputError("--body and --body-keypoints belong together: give both or neither")
+    figure = None if body is None or body_keypoints is None else (str(body), str(body_keypoints))
+    if figure is not None:
+        load_body(*figure)  # a wrong file is reported before anything is made
+    folder = check_writable(out)
+    with progress("identities", quiet=as_json) as advance:
+        report = build(
+            folder,
+            identities,
+            seed,
+            workers,
+            light,
+            figure=figure,
+            progress=lambda done, total, name: advance(description=f"identity {name}", completed=done, total=total),
+        )
+    report["contact_sheet"] = contact_sheet(load_index(folder))
+    emit({"folder": folder, **report}, as_json, _show)
+    if report["failed"]:
+        raise NotConvergedError(
+            f"{len(report['failed'])} identities could not be draped and are left out: {', '.join(report['failed'])}"
+        )
+
+
+def _show(report: Mapping[str, Any]) -> list[str]:
+    splits = ", ".join(f"{name} {number}" for name, number in report["splits"].items())
+    return [
+        f"[bold]{report['images']} images[/bold] of {report['identities']} identities ({splits}) in {report['folder']}",
+        f"made {len(report['made'])}, kept {len(report['kept'])}, failed {len(report['failed'])}",
+        f"mean stretch {100 * report['mean_stretch']:.2f} % (worst garment {100 * report['worst_mean_stretch']:.2f} %), deepest "
+        f"penetration {1000 * report['max_penetration']:.2f} mm, edges through other cloth at most "
+        f"{100 * report['worst_crossing_edges']:.2f} %",
+        f"look at {report['contact_sheet']}",
+    ]
