@@ -188,7 +188,8 @@ def render_study(result: Mapping[str, Any]) -> list[Any]:
 
     table = Table(title=f"{result['fabric']}: drape with its bands, {result['fidelity']}")
     for column in ("specimen", "variant", "lowest: DC, %", "nodes", "flat start: DC, %", "nodes", "band of DC, %", "band of nodes"):
-        table.add_column(column, justify="left" if column in ("specimen", "variant") else "right")
+        left = column in ("specimen", "variant")
+        table.add_column(column, justify="left" if left else "right", no_wrap=column.startswith("band") or column == "specimen")
     for row in result["rows"]:
         pairs = [("–", "–") if row[k] is None else (f"{row[k][0]:.1f}", str(row[k][1])) for k in ("lowest", "flat")]
         band = ("–", "–") if not row["dc"] else (f"{row['dc'][0]:.1f}–{row['dc'][1]:.1f}", f"{row['nodes'][0]}–{row['nodes'][1]}")
