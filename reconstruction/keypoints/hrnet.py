@@ -15,8 +15,8 @@ from dataclasses import asdict, dataclass, replace
 
 from mfar_fem.errors import ParameterError, UnknownNameError
 from mfar_fem.tomlfile import suggest
-from reconstruction.keypoints._torch import functional, nn, torch
 from reconstruction.landmarks import LANDMARKS
+from reconstruction.torch_library import functional, nn, torch
 
 
 @dataclass(frozen=True)

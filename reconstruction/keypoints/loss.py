@@ -14,9 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mfar_fem.errors import ParameterError
-from reconstruction.keypoints._torch import nn, torch
 from reconstruction.keypoints.knowledge import Knowledge, Order, Ratio, Symmetry
 from reconstruction.landmarks import INDEX, LANDMARKS, PAIRS
+from reconstruction.torch_library import nn, torch
 
 LAMBDA = 0.8
 DELTA = (15.0, 20.0)

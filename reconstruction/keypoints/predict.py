@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.errors import DataFileError, InputError, ParameterError
-from reconstruction.keypoints._torch import torch
 from reconstruction.keypoints.calibration import Isotonic, Logistic, choose, fit_logistic
 from reconstruction.keypoints.crops import apply, crop_matrix, image_box, invert, normalise, read_image, warp
 from reconstruction.keypoints.data import Sample
 from reconstruction.keypoints.heatmaps import Peak, decode, peaks, to_input
 from reconstruction.keypoints.hrnet import Architecture, HRNet, channels_last
 from reconstruction.landmarks import LANDMARKS, MIRROR
+from reconstruction.torch_library import torch
 
 FORMAT = "mfar-keypoints-1"
 SHIPPED = Path(__file__).parent / "weights" / "small.pt"

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mfar_fem.errors import DataFileError
-from reconstruction.keypoints._torch import torch
 from reconstruction.keypoints.hrnet import HRNet
+from reconstruction.state_dict import read_state_dict
 
 logger = logging.getLogger(__name__)
 
@@ -71,7 +71,7 @@ def load_published(path: str | Path, model: HRNet) -> LoadReport:
     DataFileError
         There is no such file, it is no state dict, or a weight has another shape (another width: the message says which).
     """
-    state = read_state(path)
+    state = read_state_dict(path)
     own = model.state_dict()
     loaded, swapped, wrong = {}, [], []
     for name, value in state.items():
@@ -103,25 +103,3 @@ def load_published(path: str | Path, model: HRNet) -> LoadReport:
     backbone = [name for name in report.missing if not name.startswith(("head.", "final_layer."))]
     logger.log(logging.WARNING if backbone else logging.INFO, "%s: %s", path, report)
     return report
-
-
-def read_state(path: str | Path) -> dict:
-    """The state dict of a checkpoint file, with the prefix ``module.`` of parallel training taken off its names.
-
-    Raises
-    ------
-    DataFileError
-        There is no such file, torch cannot read it safely (``weights_only``), or it holds no tensors.
-    """
-    try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
-    except FileNotFoundError:
-        raise DataFileError("there is no such file", path=path) from None
-    except Exception as error:  # torch raises many kinds: pickle, zip, runtime
-        raise DataFileError(f"is not a checkpoint that torch can read safely: {str(error).splitlines()[0]}", path=path) from error
-    for key in ("state_dict", "model"):
-        if isinstance(state, dict) and isinstance(state.get(key), dict):
-            state = state[key]
-    if not isinstance(state, dict) or not state or not all(isinstance(v, torch.Tensor) for v in state.values()):
-        raise DataFileError("holds no state dict: expected names of weights with tensors", path=path)
-    return {name.removeprefix("module."): value for name, value in state.items()}

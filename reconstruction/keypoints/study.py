@@ -17,7 +17,6 @@ import numpy as np
 
 from mfar_fem.errors import ParameterError
 from reconstruction.keypoints import baselines
-from reconstruction.keypoints._torch import torch
 from reconstruction.keypoints.blazepose import COUNTERPARTS, BlazePose, debiased
 from reconstruction.keypoints.crops import apply, image_box, read_image
 from reconstruction.keypoints.data import Sample
@@ -28,6 +27,7 @@ from reconstruction.keypoints.loss import GraphLoss, LiteralLoss
 from reconstruction.keypoints.predict import Detector
 from reconstruction.keypoints.train import BEST, TrainSettings, train
 from reconstruction.landmarks import INDEX, LANDMARKS
+from reconstruction.torch_library import torch
 
 
 def constraint_rates(samples: Sequence[Sample], knowledge: Knowledge | None = None) -> dict[str, float]:

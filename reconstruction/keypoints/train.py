@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.errors import DataFileError, ParameterError
-from reconstruction.keypoints._torch import torch
 from reconstruction.keypoints.crops import Augmentation
 from reconstruction.keypoints.data import Batch, Dataset, Sample
 from reconstruction.keypoints.heatmaps import SIGMA, decode, to_input
 from reconstruction.keypoints.hrnet import Architecture, HRNet, architecture, build
 from reconstruction.keypoints.knowledge import Knowledge
 from reconstruction.keypoints.loss import ARMS, LAMBDA, heatmap_loss, knowledge_loss, soft_argmax
+from reconstruction.torch_library import torch
 
 logger = logging.getLogger(__name__)
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.errors import DataFileError, ParameterError
-from reconstruction.style._torch import functional, torch
 from reconstruction.style.generator import Generator
 from reconstruction.style.published import load_published
+from reconstruction.torch_library import functional, torch
 
 SHIPPED = Path(__file__).parent / "weights" / "aligner.pt"
 FORMAT = "mfar-style-aligner-1"

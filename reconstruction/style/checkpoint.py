@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mfar_fem.errors import DataFileError
-from reconstruction.style._torch import torch
+from reconstruction.torch_library import torch
 
 
 def save_atomic(value, path: Path) -> None:

@@ -7,7 +7,7 @@ Isola, Zhu, Zhou, Efros: Image-to-image translation with conditional adversarial
 
 from __future__ import annotations
 
-from reconstruction.style._torch import nn, torch
+from reconstruction.torch_library import nn, torch
 
 
 class PatchDiscriminator(nn.Module):

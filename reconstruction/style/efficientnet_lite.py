@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from mfar_fem.errors import MissingDependencyError, ParameterError
 from mfar_fem.tomlfile import suggest
-from reconstruction.style._torch import functional, nn
 from reconstruction.style.published import LoadReport, load_published, standardised
+from reconstruction.torch_library import functional, nn
 
 PARAMETERS = 4_652_008
 STAGES = (  # expansion, kernel, stride, channels, repeats

@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from mfar_fem.errors import ParameterError
-from reconstruction.style._torch import functional, nn, torch
+from reconstruction.torch_library import functional, nn, torch
 
 _EPS = 1e-5
 _MARGIN = 0.02

@@ -23,7 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mfar_fem.errors import ParameterError
-from reconstruction.style._torch import functional
+from reconstruction.torch_library import functional
 
 _EPS = 1e-6
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 from mfar_fem.errors import DataFileError
-from reconstruction.style._torch import nn, torch
+from reconstruction.state_dict import read_state_dict
+from reconstruction.torch_library import nn
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -49,33 +49,6 @@ class LoadReport:
         return "; ".join(parts)
 
 
-def read_state_dict(path) -> dict:
-    """Tensors by name in a file of `torch.save` (only tensors and plain containers are unpickled).
-
-    A dictionary below ``state_dict`` or ``model`` is unpacked, and the prefix ``module.`` of data-parallel training dropped.
-
-    Raises
-    ------
-    DataFileError
-        No such file, not a file of weights, or it holds something other than tensors.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise DataFileError("there is no such file of weights", path=path)
-    try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises pickle, zip, EOF and runtime errors of its own
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise DataFileError(f"is not a file of weights that can be read safely ({reason}); "
-                            "save it with torch.save(model.state_dict(), file)", path=path) from error
-    for key in ("state_dict", "model"):
-        if isinstance(state, dict) and isinstance(state.get(key), dict):
-            state = state[key]
-    if not isinstance(state, dict) or not state or not all(isinstance(v, torch.Tensor) for v in state.values()):
-        raise DataFileError("does not hold a dictionary of tensors; save it with torch.save(model.state_dict(), file)", path=path)
-    return {str(name).removeprefix("module."): value for name, value in state.items()}
-
-
 def load_published(model: nn.Module, path, ignore: Iterable[str] = ()) -> LoadReport:
     """Fill a network from a file of published weights, all or nothing.
 
@@ -84,7 +57,7 @@ def load_published(model: nn.Module, path, ignore: Iterable[str] = ()) -> LoadRe
     model : torch.nn.Module
         Filled in place if everything fits.
     path : str or path-like
-        See :func:`read_state_dict`.
+        See :func:`reconstruction.state_dict.read_state_dict`.
     ignore : iterable of str
         Prefixes of names in the file that this network does not have on purpose (``fc.`` of an encoder).
 

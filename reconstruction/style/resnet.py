@@ -8,8 +8,8 @@ of a stage sits in the 3×3 convolution of its first block ("version 1.5"), not 
 
 from __future__ import annotations
 
-from reconstruction.style._torch import functional, nn, torch
 from reconstruction.style.published import LoadReport, load_published, standardised
+from reconstruction.torch_library import functional, nn, torch
 
 PARAMETERS = 25_557_032
 """Parameters of the classifier of 1000 classes, as published."""

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from mfar_fem.errors import DataFileError, ParameterError
 from mfar_fem.tomlfile import suggest
-from reconstruction.style._torch import functional, nn, torch
 from reconstruction.style.published import load_published
+from reconstruction.torch_library import functional, nn, torch
 
 SHIPPED = Path(__file__).parent / "weights" / "small_features.pt"
 

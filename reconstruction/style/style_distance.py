@@ -88,8 +88,8 @@ def colour_distance(image: np.ndarray, other: np.ndarray, directions: int = 32, 
 
 def network_distance(features: Any, image: np.ndarray, other: np.ndarray, statistics: str = "moments") -> float:
     """Mean of :func:`losses.style_distance` over the layers of a feature network that no loss was trained on."""
-    from reconstruction.style._torch import torch
     from reconstruction.style.losses import style_distance
+    from reconstruction.torch_library import torch
 
     with torch.no_grad():
         a, b = (features(torch.from_numpy(x / 255.0).float().permute(2, 0, 1)[None]) for x in (image, other))

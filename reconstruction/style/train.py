@@ -13,7 +13,6 @@ import numpy as np
 
 from mfar_fem.errors import DataFileError, NotConvergedError, ParameterError
 from reconstruction.landmarks import KINDS
-from reconstruction.style._torch import torch
 from reconstruction.style.align import save_aligner
 from reconstruction.style.checkpoint import CsvLog, load_checkpoint, save_atomic
 from reconstruction.style.data import Batch, Pool
@@ -21,6 +20,7 @@ from reconstruction.style.discriminator import PatchDiscriminator
 from reconstruction.style.features import load_features
 from reconstruction.style.generator import Generator
 from reconstruction.style.losses import Literal, Usable, discriminator_loss
+from reconstruction.torch_library import torch
 
 _LOG = logging.getLogger(__name__)
 CHECKPOINT, WEIGHTS, LOG = "checkpoint.pt", "aligner.pt", "log.csv"

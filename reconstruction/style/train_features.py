@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from reconstruction.landmarks import KINDS
-from reconstruction.style._torch import functional, torch
 from reconstruction.style.scenes import GARMENTS, draw_scene, random_homography, view
 from reconstruction.style.small_features import Heads, SmallNetwork
+from reconstruction.torch_library import functional, torch
 
 SIZE = 96
 """Side of the pictures it is trained on, px."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from mfar_fem.errors import ParameterError, UnknownNameError
 from mfar_fem.tomlfile import suggest
-from reconstruction.style._torch import nn
 from reconstruction.style.published import LoadReport, load_published, standardised
+from reconstruction.torch_library import nn
 
 CONVOLUTIONS = {"vgg16": (2, 2, 3, 3, 3), "vgg19": (2, 2, 4, 4, 4)}
 """Convolutions in each of the five blocks (configurations D and E)."""

@@ -6,9 +6,10 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from mfar_fem.errors import DataFileError, ParameterError, UnknownNameError  # noqa: E402
+from reconstruction.state_dict import read_state_dict  # noqa: E402
 from reconstruction.style import efficientnet_lite, resnet, vgg  # noqa: E402
 from reconstruction.style.features import load_features  # noqa: E402
-from reconstruction.style.published import compare, count_parameters, load_published, read_state_dict  # noqa: E402
+from reconstruction.style.published import compare, count_parameters, load_published  # noqa: E402
 
 
 def test_parameter_counts_are_those_published():

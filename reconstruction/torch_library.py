@@ -1,4 +1,4 @@
-"""The one place where the style networks ask for torch."""
+"""The one place where the networks of the reconstruction ask for torch."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ try:
     from torch import nn
     from torch.nn import functional
 except ImportError as error:  # pragma: no cover - depends on the installation
-    raise MissingDependencyError(
-        "the style networks need torch, which is not installed: pip install 'mfar-fem[recon,torch]'"
-    ) from error
+    raise MissingDependencyError("the networks need torch, which is not installed: pip install 'mfar-fem[recon,torch]'") from error
 
 __all__ = ["functional", "nn", "torch"]
