@@ -24,7 +24,7 @@ def read_state_dict(path) -> dict:
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises pickle, zip, EOF and runtime errors of its own
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
         raise DataFileError(f"is not a file of weights that can be read safely ({reason}); "
                             "save it with torch.save(model.state_dict(), file)", path=path) from error
     for key in ("state_dict", "model"):

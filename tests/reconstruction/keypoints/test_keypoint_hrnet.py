@@ -100,7 +100,7 @@ def test_wrong_files_are_named(tmp_path):
     with pytest.raises(DataFileError, match=r"nowhere\.pth.*no such file"):
         load_published(tmp_path / "nowhere.pth", tiny())
     (tmp_path / "text.pth").write_text("hello")
-    with pytest.raises(DataFileError, match="torch can read safely"):
+    with pytest.raises(DataFileError, match="can be read safely"):
         load_published(tmp_path / "text.pth", tiny())
     torch.save(tiny(width=8).state_dict(), tmp_path / "wide.pth")
     with pytest.raises(DataFileError, match="does not fit a network of width 4"):
