@@ -40,22 +40,20 @@ def fuse(
     from reconstruction.matching.fusion import fuse as run
     from reconstruction.matching.fusion import steps
     from reconstruction.matching.settings import MatchSettings
+    from reconstruction.measure.stage import measurements
 
     settings = MatchSettings(detector=detector, weights=None if weights is None else str(weights), estimator=estimator,
                              root_sift=root_sift, threshold=threshold, seed=seed)  # fmt: skip
     light = HighEmphasis(shape=filter_shape, cutoff=cutoff, gamma_low=gamma_low, gamma_high=gamma_high)
     count = len(sources.read(folder).sources)
     with progress("fuse", steps(count), quiet=as_json) as advance:
-        fusion = run(folder, out, settings, light, longest, STAGES, lambda label: advance(1, description=label))
+        fusion = run(folder, out, settings, light, longest, {"measurements": measurements},
+                     lambda label: advance(1, description=label))  # fmt: skip
     graph = fusion.graph
     payload = {"out": fusion.folder, "sources": [p.source.facts() | {"notes": p.notes, **p.light} for p in fusion.pictures],
                "pairs": [r.row() for r in graph.results], "by_kinds": graph.by_kinds(), "statuses": graph.statuses(),
                "components": graph.components(), "stages": fusion.stages}  # fmt: skip
     emit(payload, as_json, _show_fusion)
-
-
-STAGES: dict[str, Any] = {}
-"""Stages after the matching by name (see :data:`reconstruction.matching.fusion.Stage`): the place of measurements and votes."""
 
 
 def matching(
@@ -110,6 +108,17 @@ def _show_fusion(payload) -> list:
     shown += [f"  {count} {status}" for status, count in payload["statuses"].items()]
     groups = payload["components"]
     shown.append(f"{len(groups)} group{'s' * (len(groups) != 1)} that hang together; the largest has {len(groups[0])} pictures")
+    measured = payload["stages"]["measurements"]
+    if measured["votes"]:
+        rows = [{"length": v["name"], "cm": 100 * v["value_m"], "sigma": 100 * v["sigma_m"], "kinds": ", ".join(v["weights"])}
+                for v in measured["votes"]]  # fmt: skip
+        columns = {"length": "length", "cm": "vote, cm", "sigma": "± cm", "kinds": "kinds that vote"}
+        shown.append(_table("Measurements, one system for all sources", rows, columns))
+    for c in measured["conflicts"]:
+        first, second = (f"{c[k]} {100 * c[f'{k}_value_m']:.1f} cm" for k in ("first", "second"))
+        shown.append(f"conflict: {c['name']}: {first}, {second}")
+    if measured["note"]:
+        shown.append(measured["note"])
     shown.append(f"written to {payload['out']}: fusion.json, pairs.csv, kinds.csv, graph.png, matrix.png, corrected/, pairs/")
     return shown
 
