@@ -132,7 +132,8 @@ def _estimate(name: str, on: bool, scene: Scene, surface, s: dict[str, Any]) -> 
     if name == "contact with bodies":
         if not on:
             return "left out at no cost: there is nothing to touch"
-        reach = sum(int(np.sum(b.signed_distance(surface.vertices, 0.0)[0] < s["size"])) for b in scene.bodies)
+        near = [b.signed_distance(surface.vertices, 0.0)[0] < s["size"] for b in scene.bodies]
+        reach = int(np.any(near, axis=0).sum())
         met = ""
         if scene.level.order > 0:
             reason = scene.meshed_because(surface)
