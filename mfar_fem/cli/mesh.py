@@ -52,7 +52,9 @@ def make(
     width: Annotated[str, typer.Option(help="Width of a strip.")] = "50 mm",
     inner: Annotated[str, typer.Option(help="Inner radius of an annulus.")] = "90 mm",
     outer: Annotated[str, typer.Option(help="Radius of a disc, outer radius of an annulus.")] = "150 mm",
-    cells: Annotated[str, typer.Option(help="Cells AxB: along x across, radially x around; one number for a disc.")] = "16x4",
+    cells: Annotated[
+        str | None, typer.Option(help="Cells: along x across (16x4), radially x around (6x96), one number for a disc (8).")
+    ] = None,
 ) -> None:
     """Make the mesh of a strip, disc or annulus (no other mesher needed)."""
     from mfar_fem.errors import InputError
@@ -60,6 +62,7 @@ def make(
     from mfar_fem.surface.io import write_mesh
     from mfar_fem.units import parse
 
+    cells = cells or {"annulus": "6x96", "disc": "8"}.get(kind, "16x4")
     try:
         counts = [int(c) for c in cells.lower().split("x")]
     except ValueError:

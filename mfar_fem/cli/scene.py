@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -46,9 +47,9 @@ def plan(
 
 def simulate(
     scene: _SCENE,
-    out: Annotated[Path, typer.Option("--out", help="Folder for history, frames, pictures, checkpoint and result.")] = Path(
-        "out/scene"
-    ),
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for history, frames, pictures, checkpoint and result; default out/NAME.")
+    ] = None,
     fidelity: _FIDELITY = None,
     order: _ORDER = None,
     cells: _CELLS = None,
@@ -67,7 +68,7 @@ def simulate(
     loaded = _load(scene, fidelity, order, cells, dt, method)
     if not pictures:
         loaded = replace(loaded, output=replace(loaded.output, pictures=False))
-    folder = check_writable(out)
+    folder = check_writable(out or Path("out") / re.sub(r"[^\w.-]+", "-", loaded.name))
     with progress(f"{loaded.name}, {loaded.level.name}", None if loaded.to_rest else loaded.duration) as advance:
         result = run(loaded, folder, resume, restart, _reporter(advance))
     emit(result.payload, as_json, _render_run)
