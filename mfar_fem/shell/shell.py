@@ -115,17 +115,30 @@ class Shell:
         return state.u[self.alpha_offset:]
 
     def accept(self, state: State) -> State:
-        """The same configuration with its rotations moved into the directors (α becomes 0; no energy changes)."""
+        """The same configuration with its rotations moved into the directors: α becomes 0, and no energy changes.
+
+        Where an element would then stand more than half a turn from its director (cloth that has passed through itself at a
+        fold), the angle would jump by a whole turn: there the rotation stays.
+        """
         if not self.with_bending:
             return state
+        moved = ~self._beyond_half_turn(state)
         t = self.edge_tangents(state)
         d = state.directors - np.sum(state.directors * t, axis=1, keepdims=True) * t
         d /= np.linalg.norm(d, axis=1, keepdims=True)
-        alpha = self.alpha(state)[:, None]
+        alpha = np.where(moved, self.alpha(state), 0.0)[:, None]
         directors = np.cos(alpha) * d - np.sin(alpha) * np.cross(t, d)
         u = state.u.copy()
-        u[self.alpha_offset:] = 0.0
+        u[self.alpha_offset:][moved] = 0.0
         return State(u, directors)
+
+    def _beyond_half_turn(self, state: State) -> np.ndarray:
+        """Edge points (na,) an element of which is more than half a turn from its director, rotation included."""
+        g, alpha = self.geometry, self.alpha(state)
+        out = np.zeros(len(alpha), dtype=bool)
+        if alpha.any():
+            out[g.edge_director[np.abs(self.curvature_samples(state)[1] + g.c0_edge) > np.pi]] = True
+        return out
 
     def edge_tangents(self, state: State) -> np.ndarray:
         """Unit tangents (na, 3) of the deformed edges at the edge points, from the low to the high vertex."""

@@ -228,9 +228,9 @@ def _descent(problem, state, lam, energy, solver, options, out, enough) -> None:
             if used_exact and options.tangent != "exact":
                 exact = False
                 continue
-            if _turned(problem, state) > 0.1:  # an edge may stand where its angle to the director jumps by a turn
-                state = problem.shell.accept(state)
-                energy = problem.energy(state, lam)
+            renewed = problem.shell.accept(state)  # an edge may stand where its angle to the director jumps by a turn
+            if np.abs(renewed.u - state.u).max() > 0.1:
+                state, energy = renewed, problem.energy(renewed, lam)
                 continue
             rounding = _at_rounding(energy, g, step, out.residual, reference, options)
             out.status = "converged" if rounding else "line search failed"

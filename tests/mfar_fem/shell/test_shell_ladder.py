@@ -144,6 +144,21 @@ def test_accept_changes_no_energy(shape, order):
     assert abs(moments - before).max() < 1e-11 * abs(before).max()
 
 
+@each_shape
+def test_accept_keeps_rotations_that_would_jump_by_a_turn(shape, order):
+    """Past half a turn from its director the angle of an element has another value: such edges keep their rotation."""
+    s = shell(shape, order)
+    for seed in range(5):
+        state = moved(s, 3e-3, 2.0, seed)  # rotations of some radians at random
+        accepted = s.accept(state)
+        kept = s.alpha(accepted) != 0.0
+        assert kept.any() and not kept.all()
+        assert np.array_equal(s.alpha(accepted)[kept], s.alpha(state)[kept])
+        assert s.energies(accepted) == pytest.approx(s.energies(state), rel=1e-12)
+        moments, before = (gradient(s, x)[s.alpha_offset:] for x in (accepted, state))
+        assert abs(moments - before).max() < 1e-10 * abs(before).max()
+
+
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_poisson_contraction(order, axis):
