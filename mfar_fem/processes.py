@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from typing import Any
 
 from mfar_fem import threads
 
@@ -25,3 +28,33 @@ def one_thread() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+def side_by_side(work: Callable[..., Any], calls: Mapping[Any, tuple], workers: int) -> Iterator[tuple[Any, Any]]:
+    """Call a function many times in worker processes, one thread each, and yield ``(key, result)`` as they are done.
+
+    Parameters
+    ----------
+    work : callable
+        Importable by a new process, like its arguments.
+    calls : mapping of key to tuple
+        The arguments of every call.
+    workers : int
+        Processes; with one, or a single call, everything runs in this one.
+
+    Raises
+    ------
+    Exception
+        What a call raised; calls that have not begun are dropped then, and when the caller stops listening.
+    """
+    if min(workers, len(calls)) <= 1:
+        for key, arguments in calls.items():
+            yield key, work(*arguments)
+        return
+    with one_thread(), ProcessPoolExecutor(min(workers, len(calls)), get_context("spawn")) as pool:
+        futures = {pool.submit(work, *arguments): key for key, arguments in calls.items()}
+        try:
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)

@@ -102,7 +102,12 @@ class LoadedImage:
     @property
     def grey(self) -> np.ndarray:
         """Luma of ITU-R BT.601, (h, w) uint8, as feature detectors take it."""
-        return np.rint(self.rgb @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
+        return grey(self.rgb)
+
+
+def grey(rgb: np.ndarray) -> np.ndarray:
+    """Luma of ITU-R BT.601 (h, w) uint8 of an image (h, w, 3)."""
+    return np.rint(rgb @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
 
 
 def load(path) -> LoadedImage:

@@ -1,10 +1,12 @@
-"""Files of network weights, read without running what is in them."""
+"""Files of network weights: written whole, read without running what is in them."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from mfar_fem.errors import DataFileError
+from mfar_fem.files import replace_file
 from reconstruction.torch_library import torch
 
 
@@ -33,3 +35,8 @@ def read_state_dict(path) -> dict:
     if not isinstance(state, dict) or not state or not all(isinstance(v, torch.Tensor) for v in state.values()):
         raise DataFileError("does not hold a dictionary of tensors; save it with torch.save(model.state_dict(), file)", path=path)
     return {str(name).removeprefix("module."): value for name, value in state.items()}
+
+
+def save_state(value: Any, path: Path) -> None:
+    """`torch.save` so that a kill leaves the old file or the new one."""
+    replace_file(path, lambda partial: torch.save(value, partial))

@@ -10,17 +10,15 @@ import contextlib
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from material_tests.drape.fe import OPTIONS, Seed, drape
 from material_tests.drape.geometry import DrapeTest
 from mfar_fem.errors import InputError
-from mfar_fem.processes import one_thread
+from mfar_fem.processes import side_by_side
 
 FOLDS = tuple(range(2, 11))
 FLAT = (1, 2, 3)
@@ -109,7 +107,7 @@ def branch_table(fabric, test: DrapeTest | None = None, starts: Sequence[Seed] |
     for done, row in enumerate(rows.values(), 1):
         if progress is not None:
             progress(done, len(keys), row)
-    for key, row in _computed(fabric, test, todo, workers, self_contact):
+    for key, row in side_by_side(_branch, {key: (fabric, test, seed, self_contact) for key, seed in todo.items()}, workers):
         if path is not None:
             _append(path, key, row)
         rows[key] = row | {"reused": False}
@@ -117,20 +115,6 @@ def branch_table(fabric, test: DrapeTest | None = None, starts: Sequence[Seed] |
         if progress is not None:
             progress(done, len(keys), rows[key])
     return BranchTable(tuple(rows[key] for key in keys), time.perf_counter() - clock)
-
-
-def _computed(fabric, test, todo: dict[str, Seed], workers: int, self_contact: bool) -> Iterator[tuple[str, dict[str, Any]]]:
-    if min(workers, len(todo)) <= 1:
-        for key, seed in todo.items():
-            yield key, drape(fabric, test, seed, self_contact=self_contact).row()
-        return
-    with one_thread(), ProcessPoolExecutor(min(workers, len(todo)), get_context("spawn")) as pool:
-        futures = {pool.submit(_branch, fabric, test, seed, self_contact): key for key, seed in todo.items()}
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
 
 
 def _branch(fabric, test, seed, self_contact) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.errors import DataFileError
+from mfar_fem.files import replace_file
 from mfar_fem.surface.io import write_mesh
 from mfar_fem.surface.mesh import Surface
 
@@ -33,13 +33,6 @@ HISTORY = (
     "contacts",
     "distance",
 )
-
-
-def replace_file(path: Path, write) -> None:
-    """Write a file through ``write(partial_path)`` and put it in place in one move."""
-    partial = path.with_name(f".{path.name}.part{path.suffix}")
-    write(partial)
-    os.replace(partial, path)
 
 
 class History:

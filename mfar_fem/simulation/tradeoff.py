@@ -134,7 +134,7 @@ def label(level: Fidelity) -> str:
 
 
 def _cached(scene: Scene, cache: Path | None) -> dict[str, Any]:
-    from mfar_fem.simulation.files import replace_file
+    from mfar_fem.files import replace_file
     from mfar_fem.simulation.run import identity
 
     path = None if cache is None else cache / f"run-{identity(scene)}.npz"
@@ -144,7 +144,6 @@ def _cached(scene: Scene, cache: Path | None) -> dict[str, Any]:
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         run = pool.submit(run_alone, scene).result()
     if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, lambda partial: np.savez(partial, run=np.array(run, dtype=object)))
     return run
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import logging
-import multiprocessing
-import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mfar_fem.errors import MfarError, ParameterError
+from mfar_fem.errors import NotConvergedError, ParameterError, SurfaceError
+from mfar_fem.files import replace_bytes
+from mfar_fem.processes import side_by_side
 from reconstruction.landmarks import LANDMARKS
 
 from .identity import SIZE
@@ -77,10 +76,10 @@ def build(
         if (record := complete(root, identity, light, size, figure)) is not None:
             records[identity.name] = record
     kept = sorted(records)
-    todo = [i for i in wanted if i.name not in records]
-    for identity, result in _run(root, todo, workers, light, size, figure):
-        if isinstance(result, MfarError):
-            failed[identity.name] = str(result)
+    calls = {i: (root, i, light, size, figure) for i in wanted if i.name not in records}
+    for identity, result in side_by_side(_attempt, calls, workers):
+        if isinstance(result, str):
+            failed[identity.name] = result
             log.warning("%s: %s", identity.stem, result)
         else:
             records[identity.name] = result
@@ -96,7 +95,7 @@ def build(
         "failed": failed,
         "identities": ordered,
     }
-    write_atomically(root / INDEX, json.dumps(index).encode())
+    replace_bytes(root / INDEX, json.dumps(index).encode())
     return {
         "identities": len(ordered),
         "images": sum(len(r["images"]) for r in ordered.values()),
@@ -107,25 +106,12 @@ def build(
     }
 
 
-def _run(root: Path, todo: list[Identity], workers: int, light: bool, size: float, figure: Figure):
-    """Yield (identity, record or error) as they are done."""
-    if workers == 1 or len(todo) < 2:
-        for identity in todo:
-            yield identity, _attempt(root, identity, light, size, figure)
-        return
-    with ProcessPoolExecutor(min(workers, len(todo)), mp_context=multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(_attempt, root, identity, light, size, figure): identity for identity in todo}
-        for future in as_completed(waiting):
-            yield waiting[future], future.result()
-
-
-def _attempt(root: Path, identity: Identity, light: bool, size: float, figure: Figure) -> dict[str, Any] | MfarError:
-    from mfar_fem.errors import InputError, NotConvergedError, SurfaceError
-
+def _attempt(root: Path, identity: Identity, light: bool, size: float, figure: Figure) -> dict[str, Any] | str:
+    """The record of an identity, or why this one cannot be made; wrong input stops the run."""
     try:
         return make(root, identity, light, size, figure)
-    except (NotConvergedError, SurfaceError) as error:  # this identity; wrong input stops the run
-        return type(error)(str(error)) if not isinstance(error, InputError) else SurfaceError(str(error))
+    except (NotConvergedError, SurfaceError) as error:
+        return str(error)
 
 
 def _summary(wanted: list[Identity], records: dict[str, dict[str, Any]]) -> dict[str, Any]:
@@ -145,10 +131,3 @@ def _summary(wanted: list[Identity], records: dict[str, dict[str, Any]]) -> dict
         "max_penetration": worst["max_penetration"],
         "worst_crossing_edges": worst["crossing_edges"],
     }
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that it is either the old or the new one, never half."""
-    part = path.with_name(f".part-{path.name}-{os.getpid()}")
-    part.write_bytes(data)
-    os.replace(part, path)

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .build import SHEET, write_atomically
+from mfar_fem.files import replace_bytes
+
+from .build import SHEET
 from .index import BenchmarkIndex, Sample
 
 LEFT, RIGHT = (40, 90, 255), (255, 40, 40)
@@ -61,5 +63,5 @@ def contact_sheet(index: BenchmarkIndex, rows: int = 12, columns: int = 8, heigh
     data = io.BytesIO()
     sheet.save(data, format="PNG")
     path = index.root / SHEET
-    write_atomically(path, data.getvalue())
+    replace_bytes(path, data.getvalue())
     return path

@@ -45,7 +45,7 @@ def complete(root: Path, identity: Identity, light: bool, size: float = SIZE, fi
 
 
 def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE, figure: Figure = None) -> dict[str, Any]:
-    """Make an identity's folder, or return its record if it is already complete.
+    """Make an identity's folder, in place of what is there.
 
     Parameters
     ----------
@@ -71,8 +71,6 @@ def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE
     """
     from PIL import Image
 
-    if (record := complete(root, identity, light, size, figure)) is not None:
-        return record
     scratch = root / f".part-{identity.stem}-{os.getpid()}"
     try:
         scratch.mkdir(parents=True)

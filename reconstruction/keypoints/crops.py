@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mfar_fem.errors import MissingDependencyError, ParameterError
+from mfar_fem.errors import ParameterError
+from reconstruction.libraries import opencv
 
 INPUT_SIZE = (256, 192)
 """Height and width of the network's input, pixels."""
@@ -94,7 +95,7 @@ def warp(image: np.ndarray, matrix: np.ndarray, size: tuple[int, int] = INPUT_SI
 
     Images that shrink by more than a half are blurred before, against aliasing.
     """
-    cv2 = _cv2()
+    cv2 = opencv()
     scale = np.sqrt(abs(np.linalg.det(matrix[:, :2])))
     if scale < 0.5:
         image = cv2.GaussianBlur(image, (0, 0), 0.4 / scale)
@@ -127,10 +128,3 @@ def augment(matrix: np.ndarray, how: Augmentation, rng: np.random.Generator) -> 
     change = np.column_stack([linear, centre - linear @ centre + shift])
     return compose(change, matrix), flipped, gain
 
-
-def _cv2():
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingDependencyError("images need opencv: pip install 'mfar-fem[recon]'") from error
-    return cv2

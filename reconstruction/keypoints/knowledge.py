@@ -19,9 +19,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from mfar_fem.errors import MissingDependencyError, ParameterError
+from mfar_fem.errors import ParameterError
 from mfar_fem.tomlfile import suggest
 from reconstruction.landmarks import INDEX, LANDMARKS
+from reconstruction.libraries import networkx
 
 
 @dataclass(frozen=True)
@@ -122,8 +123,7 @@ class Knowledge:
         An edge runs from `a` to `b` with the constraint's name as key, its ``kind`` and its numbers; a ratio also has ``over``
         = (c, d).
         """
-        networkx = _networkx()
-        graph = networkx.MultiDiGraph()
+        graph = networkx().MultiDiGraph()
         for name in LANDMARKS:
             graph.add_node(name, kind="point", **({"level": self.levels[name]} if name in self.levels else {}))
         for part, points in self.parts.items():
@@ -174,10 +174,3 @@ def problem_of(c: Constraint) -> str | None:
         return "the source is missing; give a reference or 'assumption: why'"
     return None
 
-
-def _networkx():
-    try:
-        import networkx
-    except ImportError as error:
-        raise MissingDependencyError("the knowledge graph needs networkx: pip install 'mfar-fem[recon]'") from error
-    return networkx

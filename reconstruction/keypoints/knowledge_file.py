@@ -8,10 +8,11 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from mfar_fem.errors import DataFileError, MissingDependencyError, ParameterError
+from mfar_fem.errors import DataFileError, ParameterError
 from mfar_fem.tomlfile import suggest
 from reconstruction.keypoints.knowledge import KINDS, Constraint, Knowledge, problem_of
 from reconstruction.landmarks import INDEX, LANDMARKS
+from reconstruction.libraries import optional
 
 NAMESPACE = "urn:mfar-fem:garment#"
 SHIPPED = Path(__file__).parent / "knowledge.ttl"
@@ -34,7 +35,7 @@ def load(path: str | Path = SHIPPED) -> Knowledge:
 
 def parse(text: str, path: str | Path = "<text>") -> Knowledge:
     """As :func:`load`, from text."""
-    rdflib = _rdflib()
+    rdflib = optional("rdflib", "Turtle files need")
     rdf = rdflib.Graph()
     try:
         rdf.parse(data=text, format="turtle")
@@ -120,7 +121,7 @@ class _Reader:
 
 def dumps(knowledge: Knowledge) -> str:
     """Turtle text of a graph, from which :func:`parse` makes the same again."""
-    rdflib = _rdflib()
+    rdflib = optional("rdflib", "Turtle files need")
     rdf, base = rdflib.Graph(), rdflib.Namespace(NAMESPACE)
     rdf.bind("", base)
     add = rdf.add
@@ -152,10 +153,3 @@ def save(knowledge: Knowledge, path: str | Path) -> None:
     """Write a graph as Turtle."""
     Path(path).write_text(dumps(knowledge), encoding="utf-8")
 
-
-def _rdflib():
-    try:
-        import rdflib
-    except ImportError as error:
-        raise MissingDependencyError("Turtle files need rdflib: pip install 'mfar-fem[recon]'") from error
-    return rdflib

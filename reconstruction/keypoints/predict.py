@@ -176,10 +176,10 @@ class Detector:
 
     def save(self, path: str | Path) -> None:
         """Write the detector: convolutions as 16-bit numbers, the rest as they are; atomically."""
-        from reconstruction.keypoints.train import save_atomic
+        from reconstruction.state_dict import save_state
 
         state = {k: v.half() if v.ndim == 4 else v for k, v in self.model.state_dict().items()}
-        save_atomic({
+        save_state({
             "format": FORMAT, "arch": self.model.arch.to_dict(), "state": state,
             "sigma": float(self.sigma), "margin": float(self.margin),
             "calibration": None if self.calibration is None else asdict(self.calibration), "flip": self.flip, "notes": self.notes,

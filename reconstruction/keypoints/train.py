@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import logging
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -14,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.errors import DataFileError, ParameterError
+from mfar_fem.files import replace_file
 from reconstruction.keypoints.crops import Augmentation
 from reconstruction.keypoints.data import Batch, Dataset, Sample
 from reconstruction.keypoints.heatmaps import SIGMA, decode, to_input
 from reconstruction.keypoints.hrnet import Architecture, HRNet, architecture, build
 from reconstruction.keypoints.knowledge import Knowledge
 from reconstruction.keypoints.loss import ARMS, LAMBDA, heatmap_loss, knowledge_loss, soft_argmax
+from reconstruction.state_dict import save_state
 from reconstruction.torch_library import torch
 
 logger = logging.getLogger(__name__)
@@ -283,7 +284,7 @@ def train(
         run.history.append(row)
         if row["validation_mse"] < run.best[0]:
             run.best = (row["validation_mse"], epoch, {k: v.clone() for k, v in run.model.state_dict().items()})
-        save_atomic(run.state(), out / CHECKPOINT)
+        save_state(run.state(), out / CHECKPOINT)
         _write_log(run.history, out / LOG)
         logger.info("epoch %d: loss %.4f, validation %.4f, RMSE %.2f px, %.1f s (%.1f images/s)", epoch + 1, row["loss"],
                     row["validation_mse"], row["validation_rmse_px"], row["seconds"], row["images_per_second"])
@@ -306,17 +307,11 @@ def _check(training: Sequence[Sample], validation: Sequence[Sample]) -> None:
         raise ParameterError(f"identity '{min(shared)}' is in both training and validation ({len(shared)} such); split by identity")
 
 
-def save_atomic(state: dict[str, Any], path: Path) -> None:
-    """Write a torch file so that a kill leaves the old one or the new one."""
-    part = path.with_suffix(".part")
-    torch.save(state, part)
-    os.replace(part, path)
-
-
 def _write_log(history: Sequence[dict[str, float]], path: Path) -> None:
-    part = path.with_suffix(".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(history)
-    os.replace(part, path)
+    def write(partial: Path) -> None:
+        with partial.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, COLUMNS)
+            writer.writeheader()
+            writer.writerows(history)
+
+    replace_file(path, write)

@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 import logging
-import os
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.cli.console import jsonable
+from mfar_fem.files import replace_bytes
 from reconstruction.matching.features import Features
 from reconstruction.matching.pair import PairResult
 
@@ -28,17 +28,6 @@ def key(*parts: Any) -> str:
     """A name for everything that a result depends on (plain types): 32 hexadecimal digits."""
     text = json.dumps(jsonable([VERSION, *parts]), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file in one step: a kill leaves the old one or the new one, never half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    with part.open("wb") as stream:
-        stream.write(data)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(part, path)
 
 
 def save_features(path: Path, features: Features) -> None:
@@ -73,7 +62,7 @@ def load_pair(path: Path) -> PairResult | None:
 def _save(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    write_whole(path, buffer.getvalue())
+    replace_bytes(path, buffer.getvalue())
 
 
 def _load(path: Path, build: Callable[[Mapping[str, np.ndarray]], Any]) -> Any:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconstruction.matching.libraries import opencv
+from reconstruction.libraries import opencv
 from reconstruction.matching.settings import MatchSettings
 
 FIRST_OCTAVE = -1

@@ -22,12 +22,13 @@ import numpy as np
 
 from mfar_fem.cli.console import check_writable, jsonable
 from mfar_fem.errors import InputError
+from mfar_fem.files import replace_bytes
 from reconstruction import images, sources
 from reconstruction.illumination import HighEmphasis, correct
+from reconstruction.libraries import networkx, opencv
 from reconstruction.matching import cache, cameras, pictures
 from reconstruction.matching.features import Features, detect
 from reconstruction.matching.graph import MatchGraph
-from reconstruction.matching.libraries import networkx, opencv
 from reconstruction.matching.pair import PairResult, match_pair
 from reconstruction.matching.settings import MatchSettings
 
@@ -180,7 +181,7 @@ class FeatureStore:
         features = cache.load_features(path)
         if features is None:
             rgb = matching_pixels(images.load(self.ready[number].corrected), self.ready[number].reduction)
-            features = detect(_grey(rgb), self.settings, rgb)
+            features = detect(images.grey(rgb), self.settings, rgb)
             cache.save_features(path, features)
         self._kept[number] = features
         if len(self._kept) > _IN_MEMORY:
@@ -197,10 +198,6 @@ def _digest(path: str) -> str:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(f"the weights '{path}' cannot be read: {error.strerror or error}") from error
-
-
-def _grey(rgb: np.ndarray) -> np.ndarray:
-    return np.rint(rgb @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
 
 
 def matching_pixels(image: images.LoadedImage, reduction: float) -> np.ndarray:
@@ -227,10 +224,10 @@ def _prepare(number: int, source: sources.Source, out: Path, light: HighEmphasis
         result = correct(image.rgb, light)
         buffer = io.BytesIO()
         Image.fromarray(result.rgb).save(buffer, "PNG", compress_level=4)
-        cache.write_whole(path, buffer.getvalue())
+        replace_bytes(path, buffer.getvalue())
         facts = {"clipped": result.clipped, "nonuniformity_before": result.before, "nonuniformity_after": result.after}
         facts["png"] = hashlib.sha256(buffer.getvalue()).hexdigest()
-        cache.write_whole(facts_path, json.dumps(facts).encode())
+        replace_bytes(facts_path, json.dumps(facts).encode())
     reduction = min(1.0, longest / max(image.size))
     return Picture(source, image.digest, image.size, reduction, path, image.notes, {k: v for k, v in facts.items() if k != "png"})
 
@@ -290,4 +287,4 @@ def _write(fusion: Fusion, files: list[Path]) -> None:
         **{key: value for key, value in fusion.graph.to_dict().items() if key != "pictures"},
         "stages": fusion.stages, "files": [path.relative_to(fusion.folder).as_posix() for path in files],
     }  # fmt: skip
-    cache.write_whole(fusion.folder / "fusion.json", json.dumps(jsonable(payload), indent=1).encode())
+    replace_bytes(fusion.folder / "fusion.json", json.dumps(jsonable(payload), indent=1).encode())

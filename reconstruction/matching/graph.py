@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.cli.console import jsonable
-from reconstruction.matching.libraries import networkx
+from reconstruction.libraries import networkx
 from reconstruction.matching.pair import PairResult
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from reconstruction.libraries import opencv
 from reconstruction.matching.features import Features
-from reconstruction.matching.libraries import opencv
 from reconstruction.matching.settings import MatchSettings
 
 _KDTREE = 1  # cvflann::FLANN_INDEX_KDTREE

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from reconstruction.libraries import opencv
 from reconstruction.matching.epipolar import epipolar_distance, refined, transfer_distance
-from reconstruction.matching.libraries import opencv
 from reconstruction.matching.settings import MatchSettings
 
 

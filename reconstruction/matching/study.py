@@ -18,7 +18,7 @@ import numpy as np
 
 from mfar_fem.errors import InputError
 from reconstruction.illumination import correct
-from reconstruction.images import load
+from reconstruction.images import grey, load
 from reconstruction.matching.cameras import baseline_angle, fundamental, read_matrix, read_middlebury, scaled
 from reconstruction.matching.epipolar import sampson_distance
 from reconstruction.matching.features import Features, detect
@@ -138,7 +138,7 @@ def _features(views: Sequence[View], settings: MatchSettings, lit: bool) -> Iter
     for view in views:
         rgb = load(view.path).rgb
         rgb = correct(rgb).rgb if lit else rgb
-        yield detect(np.rint(rgb @ np.array([0.299, 0.587, 0.114])).astype(np.uint8), settings, rgb)
+        yield detect(grey(rgb), settings, rgb)
 
 
 def pair_row(a: View, b: View, features_a: Features, features_b: Features, settings: MatchSettings) -> dict:

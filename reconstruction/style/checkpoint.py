@@ -1,9 +1,8 @@
-"""Files that are whole or not there, and a log in CSV that a continued run goes on writing."""
+"""Checkpoints read back, and a log in CSV that a continued run goes on writing."""
 
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,18 +10,8 @@ from mfar_fem.errors import DataFileError
 from reconstruction.torch_library import torch
 
 
-def save_atomic(value, path: Path) -> None:
-    """`torch.save` into a file beside it, then one rename: a kill leaves the old file or the new one."""
-    beside = path.with_name(path.name + ".part")
-    with beside.open("wb") as file:
-        torch.save(value, file)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(beside, path)
-
-
 def load_checkpoint(path: Path) -> dict:
-    """A dictionary written by :func:`save_atomic` (only tensors and plain containers are unpickled).
+    """A dictionary written by :func:`reconstruction.state_dict.save_state` (only tensors and plain containers are unpickled).
 
     Raises
     ------

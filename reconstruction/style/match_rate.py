@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mfar_fem.errors import MissingDependencyError
+from reconstruction.libraries import opencv
 
 Matcher = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """``matcher(image_a, image_b)``: points (n, 2) in A and in B that it takes for the same; pixels, centre of the first at (0, 0)."""
@@ -57,7 +57,7 @@ def sift_matches(image_a: np.ndarray, image_b: np.ndarray, ratio: float = 0.8) -
     MissingDependencyError
         OpenCV is not installed.
     """
-    cv2 = _cv2()
+    cv2 = opencv()
     sift = cv2.SIFT_create(contrastThreshold=0.03, edgeThreshold=10)
     (points_a, a), (points_b, b) = (sift.detectAndCompute(cv2.cvtColor(x, cv2.COLOR_RGB2GRAY), None) for x in (image_a, image_b))
     if a is None or b is None or len(a) < 2 or len(b) < 2:
@@ -91,7 +91,7 @@ def score(image_a: np.ndarray, image_b: np.ndarray, homography: np.ndarray, matc
     right = np.linalg.norm(transform(homography, a) - b, axis=1) <= tolerance if len(a) else np.zeros(0, dtype=bool)
     if len(a) < 4:
         return MatchScore(len(a), int(right.sum()), 0, 0, np.inf)
-    cv2 = _cv2()
+    cv2 = opencv()
     cv2.setRNGSeed(seed)
     estimate, mask = cv2.findHomography(a.reshape(-1, 1, 2), b.reshape(-1, 1, 2), cv2.RANSAC, tolerance, maxIters=5000)
     if estimate is None:
@@ -110,10 +110,3 @@ def transform(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     moved = np.column_stack([points, np.ones(len(points))]) @ np.asarray(homography).T
     return moved[:, :2] / moved[:, 2:]
 
-
-def _cv2():
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingDependencyError("matching needs OpenCV: pip install 'mfar-fem[recon]'") from error
-    return cv2

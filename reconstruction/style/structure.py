@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from mfar_fem.errors import MissingDependencyError, ParameterError
+from mfar_fem.errors import ParameterError
+from reconstruction.libraries import opencv
 from reconstruction.style.colour import luminance
 
 
@@ -54,10 +55,7 @@ def edges(image: np.ndarray, sigma: float = 1.4, share: float = 0.10) -> np.ndar
     MissingDependencyError
         OpenCV is not installed.
     """
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingDependencyError("contours need OpenCV: pip install 'mfar-fem[recon]'") from error
+    cv2 = opencv("contours need")
     smooth = ndimage.gaussian_filter(luminance(image), sigma)
     dx, dy = ndimage.sobel(smooth, 1), ndimage.sobel(smooth, 0)
     high = np.quantile(np.abs(dx) + np.abs(dy), 1 - share)

@@ -13,8 +13,9 @@ import numpy as np
 
 from mfar_fem.errors import DataFileError, NotConvergedError, ParameterError
 from reconstruction.landmarks import KINDS
+from reconstruction.state_dict import save_state
 from reconstruction.style.align import save_aligner
-from reconstruction.style.checkpoint import CsvLog, load_checkpoint, save_atomic
+from reconstruction.style.checkpoint import CsvLog, load_checkpoint
 from reconstruction.style.data import Batch, Pool
 from reconstruction.style.discriminator import PatchDiscriminator
 from reconstruction.style.features import load_features
@@ -141,7 +142,7 @@ class Trainer:
             values = self.advance()
             self.seconds = time.perf_counter() - began
             if self.step % checkpoint_every == 0 or self.step == self.settings.steps:
-                save_atomic(self._state(), self.out / CHECKPOINT)
+                save_state(self._state(), self.out / CHECKPOINT)
             if sheet_every and (self.step % sheet_every == 0 or self.step == self.settings.steps):
                 self.sheet(self.out / f"sample-{self.step:06d}.png")
             if progress is not None:

@@ -157,14 +157,6 @@ def test_wrong_places_are_refused_before_anything_is_computed(folder, tmp_path):
         fusion.fuse(folder, tmp_path, MatchSettings(detector="aliked", weights="none.pth"))
 
 
-def test_a_write_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
-    cache.write_whole(tmp_path / "a", b"old")
-    monkeypatch.setattr("os.fsync", lambda number: (_ for _ in ()).throw(OSError("disk full")))
-    with pytest.raises(OSError, match="disk full"):
-        cache.write_whole(tmp_path / "a", b"new")
-    assert (tmp_path / "a").read_bytes() == b"old"
-
-
 def test_features_survive_the_disk(tmp_path):
     features = Features(np.random.default_rng(0).uniform(0, 9, (4, 2)), np.ones((4, 128), np.float32), (9, 8))
     cache.save_features(tmp_path / "f.npz", features)

@@ -6,8 +6,9 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from mfar_fem.errors import DataFileError, ParameterError  # noqa: E402
+from reconstruction.state_dict import save_state  # noqa: E402
 from reconstruction.style.align import Aligner  # noqa: E402
-from reconstruction.style.checkpoint import CsvLog, read_log, save_atomic  # noqa: E402
+from reconstruction.style.checkpoint import CsvLog, read_log  # noqa: E402
 from reconstruction.style.data import drawn_pool  # noqa: E402
 from reconstruction.style.small_features import SmallNetwork, save_small_features  # noqa: E402
 from reconstruction.style.train import CHECKPOINT, LOG, Settings, Trainer  # noqa: E402
@@ -85,15 +86,15 @@ def test_checkpoints_of_other_runs_are_refused(features, pool, tmp_path):
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "state.pt"
-    save_atomic({"step": 1}, path)
+    save_state({"step": 1}, path)
 
     def fail(value, file):
-        file.write(b"half")
+        file.write_bytes(b"half")
         raise OSError("disk full")
 
     monkeypatch.setattr(torch, "save", fail)
     with pytest.raises(OSError, match="disk full"):
-        save_atomic({"step": 2}, path)
+        save_state({"step": 2}, path)
     assert torch.load(path, weights_only=True) == {"step": 1}
 
 
