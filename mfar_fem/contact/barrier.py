@@ -29,6 +29,7 @@ import numpy as np
 
 from mfar_fem.contact.advance import MAX_PIECES, BodyAdvance, carried
 from mfar_fem.contact.collision_mesh import CollisionMesh, ipctk, threads
+from mfar_fem.contact.energy import KEPT, ContactEnergy, ContactReport
 from mfar_fem.contact.friction import LaggedFriction
 from mfar_fem.contact.start import (
     TOO_CLOSE,
@@ -49,30 +50,6 @@ BROAD_PHASES = {"lbvh": "LBVH", "hash-grid": "HashGrid", "spatial-hash": "Spatia
 COLLISION_DETECTION = {"additive": "AdditiveCCD", "tight-inclusion": "TightInclusionCCD"}
 SEGMENT, MAX_SEGMENTS = 8.0, 64
 """A step is searched for collisions in parts of this many mean edges, at most so many of them."""
-KEPT = 4
-"""States whose contacts are remembered: those at the start of a step and of the first guesses are asked for again."""
-
-
-@dataclass(frozen=True)
-class ContactReport:
-    """Contact at one state.
-
-    Attributes
-    ----------
-    pairs : int
-        Active pairs.
-    least_distance : float
-        m, without ``min_distance``; inf if no pair is active.
-    forces : (nb, 3) array
-        Force of the sheet on each body, N: barrier and friction.
-    stiffness : float
-        κ, Pa.
-    """
-
-    pairs: int
-    least_distance: float
-    forces: np.ndarray
-    stiffness: float
 
 
 @dataclass
@@ -91,7 +68,7 @@ def _longest(step: np.ndarray) -> float:
     return float(np.sqrt(np.sum(step * step, axis=1).max(initial=0.0)))
 
 
-class Barrier:
+class Barrier(ContactEnergy):
     """Contact of a sheet with bodies and with itself.
 
     Parameters
@@ -134,32 +111,18 @@ class Barrier:
         For values that make no sense.
     """
 
-    conservative = True
-    element_dofs = None
-    internal = True
-    """Contact is no external force: residuals are not compared with it."""
-
     def __init__(self, bodies: Sequence = (), self_contact: bool = False, dhat: float = 1e-3, stiffness: float | None = None,
                  friction=None, self_friction: float = 0.0, eps_v: float = 1e-3, min_distance: float = 0.0,
                  subdivision: int | None = None, body_size: float | None = None, friction_iterations: int = 1,
                  broad_phase: str = "lbvh", collision_detection: str = "additive"):
         self._ipc = ipctk()
-        self.bodies, self.self_contact = tuple(bodies), bool(self_contact)
-        for name, value, least in (("dhat", dhat, 1e-300), ("eps_v", eps_v, 1e-300), ("min_distance", min_distance, 0.0),
-                                   ("self_friction", self_friction, 0.0), ("stiffness", stiffness or 1.0, 1e-300)):
-            if not (np.isfinite(value) and value >= least):
-                raise InputError(f"barrier contact: {name} must be {'positive' if least else 'at least 0'} and finite, got {value}")
+        super().__init__(bodies, dhat, stiffness, friction, eps_v, min_distance=min_distance, self_friction=self_friction)
         if broad_phase not in BROAD_PHASES or collision_detection not in COLLISION_DETECTION:
             raise InputError(f"barrier contact: broad_phase is one of {', '.join(BROAD_PHASES)}, collision_detection one of "
                              f"{', '.join(COLLISION_DETECTION)}; got {broad_phase!r}, {collision_detection!r}")
-        mu = [b.friction for b in self.bodies] if friction is None else np.broadcast_to(friction, len(self.bodies))
-        self.friction = np.array(mu, dtype=float)
-        if not np.all(self.friction >= 0):
-            raise InputError(f"barrier contact: friction coefficients must be at least 0, got {self.friction.tolist()}")
-        self.dhat, self.min_distance = float(dhat), float(min_distance)
-        self.self_friction, self.eps_v = float(self_friction), float(eps_v)
+        self.self_contact, self.min_distance, self.self_friction = bool(self_contact), float(min_distance), float(self_friction)
         self.subdivision, self.body_size, self.friction_iterations = subdivision, body_size, int(friction_iterations)
-        self._given, self._phase = stiffness, getattr(self._ipc, BROAD_PHASES[broad_phase])
+        self._phase = getattr(self._ipc, BROAD_PHASES[broad_phase])
         self._ccd = getattr(self._ipc, COLLISION_DETECTION[collision_detection])()
         self.margin = 0.5 * self.dhat
         """How far vertices may move, m, before candidate pairs are searched again; further while there are none."""
@@ -186,11 +149,6 @@ class Barrier:
         self._potential = self._solved = self._barrier(self._kappa.value)
         if self.self_contact:
             self._check_reference()
-
-    @property
-    def stiffness(self) -> float:
-        """κ, Pa."""
-        return self._kappa.value
 
     def _barrier(self, stiffness: float):
         return self._ipc.BarrierPotential(self.dhat, stiffness, True)
@@ -417,12 +375,6 @@ class Barrier:
             return 1.0
         return float(candidates.compute_collision_free_stepsize(self.mesh.mesh, a, b, self.min_distance, self._ccd))
 
-    def limit(self, shell: Shell, state: State, guess: State) -> State:
-        """``guess`` where the way from ``state`` is free, else as far towards it as it is: a start for Newton's method."""
-        step = guess.u - state.u
-        fraction = self.max_step(shell, state, step)
-        return guess if fraction == 1.0 else state.with_u(state.u + fraction * step)
-
     def lifted(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
         """Nodes ``x`` (nn, 3) moved out of the bodies, one by one, to where contact begins or no closer than they were at ``base``.
 
@@ -529,13 +481,9 @@ class Barrier:
         if self._kappa.value != self._kappa.solved:
             self._potential = self._barrier(self.stiffness)
 
-    def memory(self) -> dict[str, float]:
-        """What the next step needs besides the state of the sheet, for a checkpoint."""
-        return self._kappa.memory()
-
     def restore(self, memory: dict[str, float]) -> None:
         """Take up what :meth:`memory` gave."""
-        self._kappa.restore(memory)
+        super().restore(memory)
         self._potential, self._solved = self._barrier(self.stiffness), self._barrier(self._kappa.solved)
 
     # -- results ---------------------------------------------------------------------------------------------------------------

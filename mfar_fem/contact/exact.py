@@ -27,9 +27,9 @@ from functools import cached_property
 import numpy as np
 
 from mfar_fem.contact import exact_kernels as kernels
-from mfar_fem.contact.barrier import KEPT, ContactReport
 from mfar_fem.contact.body import Body, Cylinder, Plane, Sphere
 from mfar_fem.contact.collision_mesh import subdivide
+from mfar_fem.contact.energy import KEPT, ContactEnergy, ContactReport
 from mfar_fem.contact.start import TOO_CLOSE, IntersectingStartError, describe
 from mfar_fem.contact.stiffness import BarrierStiffness
 from mfar_fem.errors import InputError, NotConvergedError
@@ -112,7 +112,7 @@ class _Contacts:
         return bool(np.all(self.room > 0) and np.all(self.facets > 0))
 
 
-class ExactBarrier:
+class ExactBarrier(ContactEnergy):
     """Contact of a sheet with planes, spheres and cylinders that stand still.
 
     Parameters
@@ -133,22 +133,11 @@ class ExactBarrier:
         For values that make no sense.
     """
 
-    conservative = True
-    element_dofs = None
-    internal = True
     self_contact = False
 
     def __init__(self, bodies: Sequence[Body], dhat: float = 1e-3, stiffness: float | None = None, friction=None,
                  eps_v: float = 1e-3):
-        self.bodies = tuple(bodies)
-        for name, value in (("dhat", dhat), ("eps_v", eps_v), ("stiffness", stiffness or 1.0)):
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"contact: {name} must be positive and finite, got {value}")
-        mu = [b.friction for b in self.bodies] if friction is None else np.broadcast_to(friction, len(self.bodies))
-        self.friction = np.array(mu, dtype=float)
-        if not np.all(self.friction >= 0):
-            raise InputError(f"contact: friction coefficients must be at least 0, got {self.friction.tolist()}")
-        self.dhat, self.eps_v, self._given = float(dhat), float(eps_v), stiffness
+        super().__init__(bodies, dhat, stiffness, friction, eps_v)
         self.body_time = 0.0
 
     def bind(self, shell: Shell) -> None:
@@ -179,11 +168,6 @@ class ExactBarrier:
         self._start, self._dt = surface.nodes, 0.0
         self._recent: list[_Contacts] = []
         self._seen: tuple[int, float | None] = (0, None)
-
-    @property
-    def stiffness(self) -> float:
-        """κ, Pa."""
-        return self._kappa.value
 
     @property
     def _shape(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -296,12 +280,6 @@ class ExactBarrier:
             raise InadmissibleStateError("a step that is not finite")
         return float(kernels.free_fraction(*self._shape, c.x, move, self._triangles, c.distance, self._clearance))
 
-    def limit(self, shell: Shell, state: State, guess: State) -> State:
-        """``guess`` where the way from ``state`` is free, else as far towards it as it is."""
-        step = guess.u - state.u
-        fraction = self.max_step(shell, state, step)
-        return guess if fraction == 1.0 else state.with_u(state.u + fraction * step)
-
     def lifted(self, x: np.ndarray, base: np.ndarray) -> np.ndarray:
         """Nodes x (nn, 3) moved out of the bodies to where contact begins, or no closer than they were at ``base``."""
         x, now, before = np.array(x), self._look(x), self._look(np.ascontiguousarray(base))
@@ -346,14 +324,6 @@ class ExactBarrier:
         active = int(np.count_nonzero(c.room < self.dhat))
         self._seen = active, float(c.facets.min()) if active else None
         self._kappa.end_step(float(c.room.min()) if active else np.inf)
-
-    def memory(self) -> dict[str, float]:
-        """What the next step needs besides the state of the sheet, for a checkpoint."""
-        return self._kappa.memory()
-
-    def restore(self, memory: dict[str, float]) -> None:
-        """Take up what :meth:`memory` gave."""
-        self._kappa.restore(memory)
 
     # -- results ---------------------------------------------------------------------------------------------------------------
     def summary(self) -> tuple[int, float | None]:
