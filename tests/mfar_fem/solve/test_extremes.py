@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mfar_fem.materials import EightChainSilk
-from mfar_fem.stress import Case, run_case
+from mfar_fem.stress import Case, draw, run_case
 from mfar_fem.stress.cases import locking_strain
 
 orders = pytest.mark.parametrize("order", [1, 2])
@@ -123,3 +123,9 @@ def test_what_cannot_be_is_a_named_failure_with_its_last_state():
     out = run_case(case)
     assert out.outcome == "failure" and out.status in {"LockingReached", "StepTooSmall", "Diverged"}
     assert 0.7 < out.reached < 1.0 and out.status in out.message and np.all(np.isfinite(out.state.u)) and not out.warnings
+
+
+@pytest.mark.parametrize("index", [361, 615])
+def test_cloth_that_has_passed_through_itself_at_a_fold(index):
+    """Elements beyond half a turn from their director: the rotation taken over must not jump by a turn."""
+    converges(draw(1, index))
