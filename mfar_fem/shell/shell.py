@@ -214,8 +214,13 @@ class Shell:
         shape = kernels.SHAPES[g.tables.order]
         interior, edge = np.zeros((len(g.area_weights), g.tables.nq, 3)), np.zeros(g.edge_sign.shape)
         if self.with_bending:
-            kernels.curvature(shape, self.positions(state), self.alpha(state), state.directors, self.surface.elements,
-                              g.edge_director, g.edge_sign, *self._shape_tables, g.c0_interior, g.c0_edge, interior, edge)
+            x, alpha, elements = self.positions(state), self.alpha(state), self.surface.elements
+
+            def work(part: slice) -> None:
+                kernels.curvature(shape, x, alpha, state.directors, elements[part], g.edge_director[part], g.edge_sign[part],
+                                  *self._shape_tables, g.c0_interior[part], g.c0_edge[part], interior[part], edge[part])
+
+            threads.run(work, threads.shares(len(elements)))
         return interior, edge
 
     # -- energy, gradient, tangent ------------------------------------------------------------------------------------------
