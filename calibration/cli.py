@@ -213,6 +213,7 @@ def _validation_text(values, files) -> list:
     for c in values["predictions"]:
         rmse = f"{c['rmse_percent_of_range']:.2f}"
         table.add_row(escape(c["experiment"]), rmse, f"{100 * c['reached']:.0f} %", escape(c["status"]))
-    return [table, *(f"{name}: {escape(str(path))}" for name, path in files.items())]
+    warned = [f"[yellow]{escape(text)}[/yellow]" for text in values["warnings"]]
+    return [table, *warned, *(f"{name}: {escape(str(path))}" for name, path in files.items())]
 
 

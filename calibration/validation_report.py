@@ -33,6 +33,7 @@ def write(
         "description": dataset.description,
         "citation": dataset.citation,
         "level": level,
+        "warnings": warnings(checks, level),
         "rmse_percent_of_range": _overall(checks),
         "predictions": [c.to_dict() for c in checks],
         "error_by_strain_interval": list(intervals),
@@ -53,6 +54,16 @@ def write(
     images = {name: plots.as_data_uri(fig) for name, fig in pictures.items()}
     files["report"].write_text(render(values, images, "validation.html.j2"), encoding="utf-8")
     return values, files
+
+
+def warnings(checks: Sequence[Check], level: str) -> list[str]:
+    """What a reader must know before blaming the fabric: sentences, none if there is nothing to say."""
+    oblique = [c for c in checks if c.experiment.kind == "strip" and c.experiment.direction_name not in ("warp", "weft")]
+    if level != "homogeneous" or not oblique:
+        return []
+    names = "; ".join(dict.fromkeys(c.experiment.name for c in oblique))
+    return [f"Grips keep a strip cut at an angle to the yarns from shearing next to them, and this level knows no grips: the error "
+            f"of {names} is partly that of the level. Use --level fe for it."]
 
 
 def _overall(checks: Sequence[Check]) -> float:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mfar_fem.cli import console
 from mfar_fem.cli.console import check_writable, emit, progress
 from mfar_fem.errors import InputError, NotConvergedError
 
@@ -195,7 +196,7 @@ def _render(payload: Mapping[str, Any]):
 
 
 def _series(payload: Mapping[str, Any], longest: int = 16) -> list:
-    """The short series of a payload side by side."""
+    """The short series of a payload side by side, in as many tables as the width of the screen asks for."""
     import numpy as np
     from rich.table import Table
 
@@ -204,12 +205,41 @@ def _series(payload: Mapping[str, Any], longest: int = 16) -> list:
     columns = {k: c for k, c in columns.items() if len(c) == length}
     if not 3 < length <= longest:
         return []
-    table = Table()
-    for name in columns:
-        table.add_column(name.replace("_", " "), justify="right")
-    for row in zip(*columns.values(), strict=True):
-        table.add_row(*(f"{v:.5g}" for v in row))
-    return [table]
+    named = [(_heading(k), [f"{v:.4g}" for v in c]) for k, c in columns.items()]
+    tables = []
+    for group in _groups(named, console.out().width - 1):
+        table = Table()
+        for column in group:
+            table.add_column(column[0], justify="right", min_width=_width(column) - 3)
+        for row in zip(*(cells for _, cells in group), strict=True):
+            table.add_row(*row)
+        tables.append(table)
+    return tables
+
+
+def _heading(key: str) -> str:
+    """``force_N`` as 'force N'."""
+    return key.replace("_", " ")
+
+
+def _groups(columns: list[tuple[str, list[str]]], width: int) -> list[list[tuple[str, list[str]]]]:
+    """Columns that fit side by side into a width, the first one before each group."""
+    groups: list[list[tuple[str, list[str]]]] = []
+    used = 0
+    for column in columns[1:] or columns:
+        need = _width(column)
+        if not groups or used + need > width:
+            groups.append([columns[0]] if len(columns) > 1 else [])
+            used = _width(columns[0]) if len(columns) > 1 else 0
+        groups[-1].append(column)
+        used += need
+    return groups
+
+
+def _width(column: tuple[str, list[str]]) -> int:
+    """Characters of a column in a table whose headings break between words."""
+    name, cells = column
+    return max(map(len, [*name.split(), *cells])) + 3
 
 
 def _is_series(value: Any) -> bool:

@@ -128,6 +128,8 @@ def _estimate(name: str, on: bool, scene: Scene, surface, s: dict[str, Any]) -> 
             return f"left out: {sheet} falls flat at {v:.2g} m/s at most in air; without it only the integrator damps"
         return "no motion, no drag"
     if name == "damping":
+        if not on and scene.to_rest:
+            return "no motion, no damping"
         return "" if on else "left out: the fabric itself loses nothing (implicit Euler still does, see the defect in history.csv)"
     if name == "contact with bodies":
         if not on:

@@ -54,6 +54,30 @@ def benchmark_data(
         )
 
 
+def benchmark_case(
+    out: Annotated[Path, typer.Option("--out", "-o", help="New folder for pictures, masks, cameras, sources.toml and truth/.")],
+    garment: Annotated[str, typer.Option(help="round-collar-robe, half-sleeve, flying-ribbon or veil-hat.")] = "round-collar-robe",
+    seed: Annotated[int, typer.Option(min=0, help="Of garment, body and textures.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Make ten pictures of one synthetic garment as a folder of sources, to try fuse, keypoints and template on."""
+    from reconstruction.benchmark.case import PICTURES, make_case
+
+    with progress("pictures", total=PICTURES, quiet=as_json) as advance:
+        made = make_case(out, garment, seed, progress=advance)
+    emit(made, as_json, _show_case)
+
+
+def _show_case(made: Mapping[str, Any]) -> list[str]:
+    folder = made["folder"]
+    return [
+        f"[bold]{len(made['pictures'])} pictures[/bold] in {folder}",
+        f"{made['garment']} on a {made['sex']} figure of {made['stature']:.2f} m",
+        f"next: mfar fuse {folder} --out OUT; mfar keypoints {folder} --out OUT; mfar template OUT --out OUT",
+        f"truth, for comparison only: mfar template {folder}/truth --out OUT/truth",
+    ]
+
+
 def _show(report: Mapping[str, Any]) -> list[str]:
     splits = ", ".join(f"{name} {number}" for name, number in report["splits"].items())
     return [

@@ -43,26 +43,27 @@ def keypoints(
     from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
     from reconstruction.landmarks import KINDS, LANDMARKS
 
-    folder = check_writable(out)
-    entries: list[tuple[Path, str, str | None]]
+    entries: list[tuple[Path, str, dict[str, Any]]]
     if len(images) == 1 and (images[0].is_dir() or images[0].suffix.lower() == ".toml"):
         from reconstruction.sources import read
 
-        entries = [(s.path, s.kind, None if s.figure == "none" else s.figure) for s in read(images[0]).sources]
+        entries = [(s.path, s.kind, {"figure": None if s.figure == "none" else s.figure, "mask": s.mask, "scale": s.scale_entry()})
+                   for s in read(images[0]).sources]
     else:
         if kind not in KINDS:
             raise InputError(f"--kind '{kind}' is none of {', '.join(KINDS)}")
-        entries = [(path, kind, None) for path in images]
+        entries = [(path, kind, {}) for path in images]
+    loaded = [pictures.load(path) for path, _, _ in entries]
     detector = Detector.load(weights)
     detector.flip = flip
-    loaded = [pictures.load(path) for path, _, _ in entries]
+    folder = check_writable(out)
     with progress("keypoints", total=len(entries), quiet=as_json) as advance:
         p = detector.predict([i.rgb for i in loaded], keep_heatmaps=True, progress=advance)
     present, sigma = p.present >= least, p.deviations()
     found = [
-        ImageKeypoints.of(path, k, p.points[i], confidence=p.confidence[i], present=present[i], sigma=sigma[i], figure=figure,
-                          size=loaded[i].size)
-        for i, (path, k, figure) in enumerate(entries)
+        ImageKeypoints.of(path, k, p.points[i], confidence=p.confidence[i], present=present[i], sigma=sigma[i],
+                          size=loaded[i].size, **known)
+        for i, (path, k, known) in enumerate(entries)
     ]
     write_keypoints(folder / "keypoints.json", KeypointsFile(tuple(found)))
     names = [path.name for path, _, _ in entries]
@@ -101,13 +102,13 @@ def train_keypoints(
     as_json: Json = False,
 ) -> None:
     """Train a keypoint network and calibrate its confidence on the validation images."""
-    folder = check_writable(out)
     from reconstruction.keypoints.report import finish
     from reconstruction.keypoints.samples_file import samples_of
     from reconstruction.keypoints.study import split
     from reconstruction.keypoints.train import CHECKPOINT, train
 
     training, validation, test = split(samples_of(data))
+    folder = check_writable(out)
     settings = _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes,
                          arm=arm, seed=seed, patience=patience)
     steps = epochs * -(-len(training) // batch)
@@ -141,11 +142,11 @@ def study_keypoints(
     as_json: Json = False,
 ) -> None:
     """Networks with and without the knowledge graph, over seeds, beside baselines; goes on where it was stopped."""
-    folder = check_writable(out)
     from reconstruction.keypoints.samples_file import garment_boxes, samples_of
     from reconstruction.keypoints.study import run
 
     samples, boxes = samples_of(data), garment_boxes(data)
+    folder = check_writable(out)
     known = all(s.image_path in boxes for s in samples)
     names = [name.strip() for name in arms.split(",") if name.strip()]
     settings = _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes)

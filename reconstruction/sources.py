@@ -8,6 +8,7 @@ One ``[[image]]`` table a picture (``mfar fuse FOLDER --template`` writes them, 
     licence = "CC BY 4.0"           # required: may the picture be used, and who is named
     figure = "female"               # male (1.75 m), female (1.65 m) or none
     height = "168 cm"               # only if the figure's height is known better
+    mask = "mural_3_mask.png"       # the garment's outer face in white, a picture of the same size
     scale = [{ from = [120, 40], to = [120, 940], length = "30 cm" }]    # marks in the picture, px
     dpi = 600                       # instead of scale: flat scans only
     camera = "mural_3_P.txt"        # 3x4 projection matrix, text
@@ -38,7 +39,7 @@ NAME = "sources.toml"
 FIGURES = (*STATURE, "none")
 SCALE_TOLERANCE = 0.05
 """Relative disagreement of several scale marks from which on the picture counts as foreshortened, and is refused."""
-_KEYS = ("file", "kind", "licence", "figure", "height", "scale", "dpi", "camera", "camera_scale", "date", "place", "known")
+_KEYS = ("file", "kind", "licence", "figure", "height", "mask", "scale", "dpi", "camera", "camera_scale", "date", "place", "known")
 
 
 class SourcesError(DataFileError):
@@ -81,6 +82,8 @@ class Source:
         Marks of known length.
     metres_per_pixel : float or None
         From the marks (their geometric mean) or the resolution.
+    mask : pathlib.Path or None
+        Picture of the garment's outer face (white).
     camera : (3, 4) array or None
         Projection matrix to pixels of this picture.
     date, place, known : str
@@ -97,16 +100,29 @@ class Source:
     height: float | None = None
     scale: tuple[ScaleMark, ...] = ()
     metres_per_pixel: float | None = None
+    mask: Path | None = None
     camera: np.ndarray | None = None
     date: str = ""
     place: str = ""
     known: str = ""
     line: int | None = None
 
+    def scale_entry(self) -> dict | None:
+        """What the marks or the resolution say, as a file of keypoints takes it; None without either."""
+        if len(self.scale) == 1:
+            (mark,) = self.scale
+            return {"marks": np.array([mark.start, mark.end]), "length": mark.length}
+        if self.metres_per_pixel is None:
+            return None
+        sizes = [mark.metres_per_pixel for mark in self.scale]
+        spread = {"relative_sigma": float(np.std(np.log(sizes), ddof=1) / np.sqrt(len(sizes)))} if sizes else {}
+        return {"metres_per_pixel": self.metres_per_pixel} | spread
+
     def facts(self) -> dict:
         """What is known, in plain types."""
         return {
             "name": self.name, "kind": self.kind, "licence": self.licence, "figure": self.figure, "height_m": self.height,
+            "mask": None if self.mask is None else self.mask.name,
             "metres_per_pixel": self.metres_per_pixel, "camera": None if self.camera is None else self.camera.tolist(),
             "date": self.date, "place": self.place, "known": self.known,
         }  # fmt: skip
@@ -142,6 +158,9 @@ class SourceSet:
                 raise SourcesError(f"'{source.name}' and '{twin.name}' are the same picture, byte for byte; list it once",
                                    path=self.path, line=source.line)  # fmt: skip
             width, height = image.size
+            if source.mask is not None and (size := load(source.mask).size) != image.size:
+                raise SourcesError(f"the mask of '{source.name}' has {size[0]} x {size[1]} px, its picture {width} x {height}",
+                                   path=self.path, line=source.line)  # fmt: skip
             for mark in source.scale:
                 for x, y in (mark.start, mark.end):
                     if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
@@ -204,6 +223,7 @@ def write_template(folder) -> Path:
         lines += ["", "[[image]]", f"file = {_quoted(name)}", f'kind = "?"                   # {", ".join(KINDS)}',
                   'licence = "?"                # e.g. "CC BY 4.0, name of the holder"',
                   f'figure = "none"              # {", ".join(FIGURES)}',
+                  '# mask = "mask.png"           # the garment in white',
                   '# scale = [{ from = [0, 0], to = [100, 0], length = "10 cm" }]', "# dpi = 300",
                   '# camera = "camera.txt"      # 3x4 projection matrix', 'date = ""', 'place = ""', 'known = ""']  # fmt: skip
     try:
@@ -238,7 +258,7 @@ def _check_listing(file: TomlFile, folder: Path, sources: tuple[Source, ...]) ->
             raise file.error(f"'{name}' is to be ignored, but there is no such file in {folder}", "ignore")
         if (folder / name).resolve() in first:
             raise file.error(f"'{name}' is both listed and ignored", "ignore")
-    known = set(first) | {(folder / name).resolve() for name in ignored}
+    known = set(first) | {(folder / name).resolve() for name in ignored} | {s.mask.resolve() for s in sources if s.mask}
     if extra := [name for name in _pictures(folder) if (folder / name).resolve() not in known]:
         raise SourcesError(f"does not list {', '.join(repr(n) for n in extra[:5])}{' ...' if len(extra) > 5 else ''} "
                            f"({len(extra)} in the folder); add an [[image]] table for each, or name it in ignore = [...]",
@@ -268,7 +288,8 @@ def _source(file: TomlFile, folder: Path, number: str) -> Source:
     return Source(
         name=Path(name).as_posix(), path=path, kind=kind, licence=licence, figure=figure,
         height=height if height is not None else STATURE.get(figure), scale=scale,
-        metres_per_pixel=_resolution(file, at, scale), camera=_camera(file, at, folder), line=file.line(*at),
+        metres_per_pixel=_resolution(file, at, scale), mask=_mask(file, at, folder),
+        camera=_camera(file, at, folder), line=file.line(*at),
         **{key: _text(file, (*at, key), default="") for key in ("date", "place", "known")},
     )  # fmt: skip
 
@@ -334,6 +355,16 @@ def _resolution(file: TomlFile, at: tuple[str, ...], marks: tuple[ScaleMark, ...
         raise file.error(f"the marks disagree by {100 * spread:.0f} % ({sizes.min():.3g} to {sizes.max():.3g} m a pixel): the "
                          "picture is foreshortened or a mark is wrong; keep those in its plane", *at, "scale")  # fmt: skip
     return float(np.exp(np.log(sizes).mean()))
+
+
+def _mask(file: TomlFile, at: tuple[str, ...], folder: Path) -> Path | None:
+    """The picture of the garment's mask."""
+    if file.get(*at, "mask", default=None) is None:
+        return None
+    name = file.get(*at, "mask", kind=str)
+    if not (folder / name).is_file():
+        raise file.error(f"there is no mask '{name}' in {folder}{_hint(name, folder)}", *at, "mask")
+    return folder / name
 
 
 def _camera(file: TomlFile, at: tuple[str, ...], folder: Path) -> np.ndarray | None:

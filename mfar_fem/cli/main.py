@@ -41,6 +41,7 @@ SHORT_HELP = {
     "template": "Cutting template of a straight-cut garment from keypoints: SVG, DXF, JSON at true scale.",
     "style": "Give images the colours and textures of another source.",
     "benchmark-data": "Make the synthetic benchmark: garments, bodies, images in three styles, and the truth.",
+    "benchmark-case": "Make ten pictures of one synthetic garment as a folder of sources, with the truth apart.",
     "train": "Train the networks of the reconstruction: keypoints, style.",
 }
 

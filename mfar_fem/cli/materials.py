@@ -168,7 +168,8 @@ def _render_show(payload):
     for label, c in payload["curves"].items():
         at = [round(f * (len(c["strain"]) - 1)) for f in (0.25, 0.5, 0.75, 1.0)]
         curves.add_row(label, *(f"{c['nominal_stress'][i]:.4g} (strain {c['strain'][i]:.3g})" for i in at))
-    return [table, curves] + ([f"plot: {payload['plot']}"] if payload["plot"] else [])
+    note = "Values are the law's defaults where --set gave none; those of a fabric are its own: `mfar fabrics show NAME`."
+    return [table, curves, note] + ([f"plot: {payload['plot']}"] if payload["plot"] else [])
 
 
 def _render_checks(payload):

@@ -12,7 +12,8 @@ import typer
 from mfar_fem.cli.console import check_writable, emit, progress
 from mfar_fem.errors import NotConvergedError
 
-_SCENE = Annotated[str, typer.Argument(help="A scene file (TOML), or an example: drape-cylinder, drape-sphere, swing.")]
+_EXAMPLES = "cusick, drape-body, drape-cylinder, drape-sphere, swing"
+_SCENE = Annotated[str, typer.Argument(help=f"A scene file (TOML), or an example: {_EXAMPLES}.")]
 _FIDELITY = Annotated[str | None, typer.Option(help="draft, standard or reference, instead of the file's.")]
 _ORDER = Annotated[int | None, typer.Option(help="0 position-based, 1 or 2 shell elements.", min=0, max=2)]
 _CELLS = Annotated[int | None, typer.Option(help="Mesh cells along the longest side.", min=1)]
@@ -143,11 +144,13 @@ def _render_plan(payload: Mapping[str, Any]):
         on = "[green]on[/green]" if term["on"] else "[dim]off[/dim]"
         table.add_row(term["name"], on, term["why"].replace("[", "\\["), term["estimate"].replace("[", "\\["))
     s, m = payload["scales"], payload["mesh"]
-    parts = [s["membrane_energy"], s["bending_energy"], s["kinetic_energy"]]
+    moves = payload["analysis"] != "to rest"
+    names = ["membrane", "bending", "inertia" if moves else "gravity"]
+    parts = [s["membrane_energy"], s["bending_energy"], s["kinetic_energy" if moves else "gravity_energy"]]
     ratio = " : ".join(f"{p / s['bending_energy']:.2g}" for p in parts)
     shown: list[Any] = [
         table,
-        f"membrane : bending : inertia energy about {ratio}",
+        f"{' : '.join(names)} energy about {ratio}",
         f"{m['vertices']} vertices, {m['triangles']} triangles of {1e3 * m['size_m']:.3g} mm, {payload['unknowns']} free unknowns "
         f"({payload['edge_unknowns']} edge rotations), {payload['matrix_entries']} matrix entries",
         f"memory about {payload['memory_MB']:.0f} MB besides 250 MB of libraries",

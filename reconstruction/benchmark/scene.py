@@ -105,6 +105,8 @@ class View:
         Unit direction to the camera.
     cloth : bool array
         The garment is there.
+    under : bool array
+        A triangle's inner side is seen.
     """
 
     face: np.ndarray
@@ -116,6 +118,7 @@ class View:
     uv: np.ndarray
     toward: np.ndarray
     cloth: np.ndarray
+    under: np.ndarray
 
     @property
     def hit(self) -> np.ndarray:
@@ -161,6 +164,7 @@ def look(scene: Scene, camera: Camera, scale: int = 1) -> View:
         full(uv, np.nan),
         full(toward, 0.0),
         full(cloth, False),
+        full(under, False),
     )
 
 

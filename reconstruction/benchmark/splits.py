@@ -71,9 +71,9 @@ def identities(count: int, seed: int) -> list[Identity]:
     made, of_kind = [], dict.fromkeys(SEEN, 0)
     for i in range(count):
         kind = SEEN[(i // 7 + i % 7) % len(SEEN)]
-        made.append(Identity(f"I{i:04d}", kind, _OF_SEVEN[i % 7], of_kind[kind] % FOLDS, *_seeds(seed, 0, i)))
+        made.append(Identity(f"I{i:04d}", kind, _OF_SEVEN[i % 7], of_kind[kind] % FOLDS, *seeds_of(seed, 0, i)))
         of_kind[kind] += 1
-    made += [Identity(f"H{i:04d}", HELD_OUT, "test-type", -1, *_seeds(seed, 1, i)) for i in range(max(1, round(count / 7)))]
+    made += [Identity(f"H{i:04d}", HELD_OUT, "test-type", -1, *seeds_of(seed, 1, i)) for i in range(max(1, round(count / 7)))]
     for field in ("garment_seed", "body_seed", "texture_seed"):
         if len({getattr(i, field) for i in made}) < len(made):
             raise ParameterError(
@@ -82,6 +82,7 @@ def identities(count: int, seed: int) -> list[Identity]:
     return made
 
 
-def _seeds(seed: int, group: int, number: int) -> tuple[int, int, int]:
+def seeds_of(seed: int, group: int, number: int) -> tuple[int, int, int]:
+    """Seeds of garment, body and texture of a number in a group."""
     a, b, c = np.random.SeedSequence([seed, group, number]).generate_state(3)
     return int(a), int(b), int(c)

@@ -76,7 +76,7 @@ def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE
         scratch.mkdir(parents=True)
         made = model(identity, size, figure)
         arrays = made.arrays
-        _save(scratch / f"{identity.stem}_geometry.npz", arrays)
+        save_arrays(scratch / f"{identity.stem}_geometry.npz", arrays)
         entries = []
         for shot in shots(identity):
             image, intact, camera, scene = shoot(made, shot)
@@ -99,7 +99,7 @@ def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE
                 "intact": _at(intact, pixels).tolist(),
             }
             if not light:
-                _save(scratch / f"{name}_truth.npz", _truth(scene, camera, intact))
+                save_arrays(scratch / f"{name}_truth.npz", _truth(scene, camera, intact))
                 entry["truth"] = f"{identity.stem}/{name}_truth.npz"
             entries.append(entry)
         record = {
@@ -124,7 +124,8 @@ def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE
     return record
 
 
-def _save(path: Path, arrays: dict[str, Any]) -> None:
+def save_arrays(path: Path, arrays: dict[str, Any]) -> None:
+    """Write an npz file."""
     np.savez_compressed(path, **arrays)
 
 

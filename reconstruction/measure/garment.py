@@ -21,7 +21,7 @@ from reconstruction.landmarks import INDEX, STATURE
 from reconstruction.measure import outline
 from reconstruction.measure.accessories import measure_hat, measure_ribbon
 from reconstruction.measure.ellipse import flat_factor, flat_factor_sigma
-from reconstruction.measure.frame import garment_frame, pair
+from reconstruction.measure.frame import TooFewPointsError, garment_frame, pair
 from reconstruction.measure.quantity import Measurement
 from reconstruction.measure.scale import Scale, image_scale
 from reconstruction.measure.silhouette import contour, read_mask
@@ -35,7 +35,8 @@ ROUND_TRUNK = ("body_width", "waist_width", "hem_width")
 """Widths that lie round the trunk of a figure."""
 
 
-def measure_images(images: Iterable[ImageKeypoints], garment: str = "round-collar-robe", progress=None) -> list[Measurement]:
+def measure_images(images: Iterable[ImageKeypoints], garment: str = "round-collar-robe", progress=None,
+                   left_out: dict[str, str] | None = None) -> list[Measurement]:
     """Measurements of all images.
 
     Parameters
@@ -46,13 +47,29 @@ def measure_images(images: Iterable[ImageKeypoints], garment: str = "round-colla
         measured as garments with sleeves (:func:`measure_image`).
     progress : callable, optional
         Called once an image.
+    left_out : dict, optional
+        Gets the images (path: reason) that show too few points; without it, or if that is all of them, they raise.
+
+    Raises
+    ------
+    TooFewPointsError, InputError, DataFileError
+        See :func:`measure_image`.
     """
     measure = {"flying-ribbon": measure_ribbon, "veil-hat": measure_hat}.get(garment, measure_image)
-    found = []
+    found: list[Measurement] = []
+    trouble: TooFewPointsError | None = None
     for image in images:
-        found += measure(image)
+        try:
+            found += measure(image)
+        except TooFewPointsError as error:
+            if left_out is None:
+                raise
+            left_out[str(image.path)], trouble = str(error).removeprefix(f"{image.path}: "), error
+            log.warning("left out: %s", error)
         if progress is not None:
             progress()
+    if trouble is not None and not found:
+        raise trouble
     return found
 
 
@@ -70,15 +87,17 @@ def measure_image(image: ImageKeypoints, scale: Scale | None = None, skeleton: S
 
     Raises
     ------
+    TooFewPointsError
+        The picture shows too few of the landmarks.
     InputError, DataFileError
-        No scale, too few points, or the mask cannot be read or does not fit the points.
+        No scale, or the mask cannot be read or does not fit the points.
     """
     scale = scale or image_scale(image)
-    frame = garment_frame(image.points, image.path)
     polygon = None
     if image.mask is not None:
         polygon = contour(read_mask(image.mask))
         _check_inside(image, polygon)
+    frame = garment_frame(image.points, image.path, polygon)
     seen = _from_points(image)
     if polygon is not None:
         edge = outline.lengths(image.points, frame, polygon, flat=image.kind == "textile")

@@ -9,6 +9,7 @@ import numpy as np
 from mfar_fem.errors import InputError
 from reconstruction.keypoints_file import ImageKeypoints
 from reconstruction.landmarks import INDEX, STATURE
+from reconstruction.measure.frame import TooFewPointsError
 from reconstruction.measure.skeleton import Skeleton
 
 STATURE_SPREAD = 0.04
@@ -99,7 +100,7 @@ def from_proportions(image: ImageKeypoints, skeleton: Skeleton | None = None) ->
 
     Raises
     ------
-    InputError
+    TooFewPointsError
         No span has both its ends.
     """
     skeleton = skeleton or Skeleton.canonical(STATURE[image.figure or "male"])
@@ -114,7 +115,9 @@ def from_proportions(image: ImageKeypoints, skeleton: Skeleton | None = None) ->
             seen = np.linalg.norm(np.subtract(*(image.points[pair].mean(axis=0) for pair in pairs)))
             ratios.append(np.linalg.norm(np.subtract(*(skeleton.points[pair].mean(axis=0) for pair in pairs))) / seen)
     if not ratios or not np.isfinite(ratios).all():
-        raise InputError(f"{image.path}: no scale from proportions: it needs both shoulders, or two of shoulders, waist, ankles")
+        raise TooFewPointsError(
+            f"{image.path}: no scale from proportions: it needs both shoulders, or two of shoulders, waist, ankles"
+        )
     value = float(np.median(ratios))
     scatter = float(np.std(ratios, ddof=1)) / value if len(ratios) > 1 else 0.0
     return Scale(value, max(PROPORTION_SPREAD, scatter), f"proportions of the skeleton ({len(ratios)} spans)")

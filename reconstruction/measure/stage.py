@@ -42,7 +42,9 @@ def measurements(fusion: Fused) -> dict[str, Any]:
         note = f"no {FILE} in {fusion.folder} or {fusion.sources.folder}: `{command}` makes one; then run again to measure and vote"
         return {"keypoints": None, "note": note, "measurements": [], "votes": [], "conflicts": []}
     found = read_keypoints(path)
-    lengths = measure_images(found.images, found.garment or "round-collar-robe")
+    left_out: dict[str, str] = {}
+    lengths = measure_images(found.images, found.garment or "round-collar-robe", left_out=left_out)
     votes, conflicts = vote(lengths)
-    return {"keypoints": str(path), "note": "", "measurements": [m.to_dict() for m in lengths],
+    note = "; ".join(f"not measured: {path}: {reason}" for path, reason in left_out.items())
+    return {"keypoints": str(path), "note": note, "measurements": [m.to_dict() for m in lengths],
             "votes": [v.to_dict() for v in votes.values()], "conflicts": [c.to_dict() for c in conflicts]}

@@ -66,7 +66,7 @@ def find_boundaries(image: ImageKeypoints, metres_per_pixel: float, tolerance: f
     pieces: dict[str, np.ndarray] = {}
     if image.mask is not None:
         polygon = contour(read_mask(image.mask))
-        pieces |= _pieces(image.points, garment_frame(image.points, image.path), polygon)
+        pieces |= _pieces(image.points, garment_frame(image.points, image.path, polygon), polygon)
     pieces |= {name: np.asarray(points) for name, points in image.curves.items()}
     found = []
     for name, points in pieces.items():

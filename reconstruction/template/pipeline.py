@@ -92,28 +92,32 @@ def make_template(keypoints: KeypointsFile, garment: str | None = None, loom_wid
     Raises
     ------
     InputError
-        Unknown type, nothing measured, contradicting dimensions, or a pattern that does not pass its checks.
+        Unknown type, nothing measured (an image with too few points is left out, with a warning among the findings),
+        contradicting dimensions, or a pattern that does not pass its checks.
     """
     garment = garment_type(garment or keypoints.garment or DEFAULT_GARMENT)
-    measurements = measure_images(keypoints.images, garment, progress)
+    left_out: dict[str, str] = {}
+    measurements = measure_images(keypoints.images, garment, progress, left_out)
+    images = [image for image in keypoints.images if str(image.path) not in left_out]
     votes, conflicts = vote(measurements, weighting=weighting)
     if not votes:
         raise InputError(f"no length of a {garment} could be measured on any of {len(keypoints.images)} images")
     boundaries: dict[str, tuple[Boundary, ...]] = {}
     poses: dict[str, PoseFit] = {}
-    for image in keypoints.images:
+    for image in images:
         if garment in WITH_SLEEVES or image.curves:
             boundaries[str(image.path)] = tuple(find_boundaries(image, image_scale(image).metres_per_pixel))
         if garment in WITH_SLEEVES and image.kind != "textile" and image.present[list(TORSO)].sum() >= 3:
             poses[str(image.path)] = image_pose(image)
         if progress is not None:
             progress()
-    shape = _shape(keypoints.images, boundaries)
+    shape = _shape(images, boundaries)
     dimensions, assumed = derive(garment, {name: v.value for name, v in votes.items()}, shape or QUARTER)
     if shape is None and garment in WITH_SLEEVES:
         assumed["neckline"] = "a quarter of an ellipse"
     pattern = build_pattern(garment, dimensions, loom_width)
     findings = check(pattern, loom_width)
+    findings += [Finding("warning", Path(path).name, f"left out: {reason}") for path, reason in left_out.items()]
     errors = [f"{f.where}: {f.message}" for f in findings if f.level == "error"]
     if errors:
         raise InputError(f"the pattern does not pass its checks: {'; '.join(errors)}. Check the points and the scale of the images")

@@ -49,7 +49,7 @@ def test_template_then_errors_then_a_run(folder, tmp_path, capsys):
     assert (tmp_path / "out" / "fusion.json").is_file()
     call("fuse", folder, "--out", tmp_path / "out")
     shown = capsys.readouterr().out
-    assert "2 groups that hang together" in shown and "figurine" in shown
+    assert "no two pictures are joined by a matched pair" in shown and "figurine" in shown
 
 
 def test_keypoints_in_the_output_become_measurements_votes_and_conflicts(folder, tmp_path, capsys):

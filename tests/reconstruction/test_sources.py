@@ -150,3 +150,29 @@ def test_any_text_is_refused_by_name_or_read(tmp_path_factory, text):
     (folder / "sources.toml").write_bytes(text.encode("utf-8", "surrogatepass"))
     with pytest.raises(DataFileError):  # the folder holds no picture: nothing can be right
         sources.read(folder)
+
+
+def test_a_mask_is_listed_by_its_picture_and_must_have_its_size(folder):
+    from reconstruction.sources import SourcesError
+
+    Image.fromarray(np.pad(np.full((30, 30), 255, np.uint8), ((10, 24), (20, 30)))).save(folder / "m.png")
+    rewrite(folder, 'figure = "female"', 'figure = "female"\nmask = "m.png"')
+    a, b = sources.read(folder).sources
+    assert a.mask == folder / "m.png" and b.mask is None
+    sources.read(folder).load_each()
+    Image.fromarray(np.eye(40, dtype=np.uint8) * 255).save(folder / "m.png")
+    with pytest.raises(SourcesError, match=r"mask of 'a.png' has 40 x 40 px, its picture 80 x 64"):
+        sources.read(folder).load_each()
+    rewrite(folder, 'mask = "m.png"', 'mask = "n.png"')
+    with pytest.raises(DataFileError, match=r"no mask 'n\.png'"):
+        sources.read(folder)
+
+
+def test_scale_as_a_file_of_keypoints_takes_it(folder):
+    a, b = sources.read(folder).sources
+    assert b.scale_entry() == {"metres_per_pixel": pytest.approx(1e-4)}
+    several = a.scale_entry()
+    assert several["metres_per_pixel"] == a.metres_per_pixel and several["relative_sigma"] == pytest.approx(np.log(1.01) / 2)
+    rewrite(folder, ', { from = [0, 0], to = [50, 0], length = "101 mm" }]', "]")
+    one = sources.read(folder).sources[0].scale_entry()
+    assert one["length"] == 0.1 and np.array_equal(one["marks"], [[0, 0], [30, 40]])

@@ -80,3 +80,19 @@ def test_masks_with_alpha_of_ones_and_broken_ones(tmp_path):
     for name, message in (("empty.png", "is empty"), ("text.png", "cannot be read"), ("none.png", "cannot be read")):
         with pytest.raises(DataFileError, match=message):
             read_mask(tmp_path / name)
+
+
+def test_seen_from_behind_down_is_where_single_points_or_the_contour_lie():
+    from reconstruction.landmarks import INDEX
+    from reconstruction.measure.frame import garment_frame
+
+    points = np.full((12, 2), np.nan)
+    for name, at in {"left_neckline": (40, 20), "right_neckline": (60, 20), "left_shoulder": (30, 22), "right_shoulder": (70, 22),
+                     "left_ankle": (35, 150)}.items():  # fmt: skip
+        points[INDEX[name]] = at
+    frame = garment_frame(points)
+    np.testing.assert_allclose([frame.across, frame.down], [(-1, 0), (0, 1)], atol=1e-12)
+    points[INDEX["left_ankle"]] = np.nan
+    assert garment_frame(points).down[1] < 0  # nothing tells
+    robe = np.array([(30, 20), (30, 150), (70, 150), (70, 20)], float)
+    np.testing.assert_allclose(garment_frame(points, polygon=robe).down, (0, 1), atol=1e-12)
