@@ -68,6 +68,32 @@ def benchmark_case(
     emit(made, as_json, _show_case)
 
 
+def stages(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder; its case/ is made if it is not there.")] = Path("out/stages"),
+    garment: Annotated[str, typer.Option(help="round-collar-robe, half-sleeve, flying-ribbon or veil-hat.")] = "round-collar-robe",
+    weights: Annotated[str | None, typer.Option(help="A trained detector instead of the shipped one.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Time and memory of fuse, keypoints and template on ten pictures of one garment."""
+    from reconstruction.stages import make_and_measure
+
+    folder = check_writable(out)
+    with progress("stages", total=3, quiet=as_json) as advance:
+        payload = make_and_measure(folder, garment, weights, advance)
+    emit(payload | {"out": folder}, as_json, _show_stages)
+
+
+def _show_stages(payload: Mapping[str, Any]) -> list[Any]:
+    from rich.table import Table
+
+    table = Table(title=f"{payload['images']} pictures of a {payload['garment']}, {payload['cores']} cores", title_justify="left")
+    for heading in ("stage", "s", "CPU s", "peak MB"):
+        table.add_column(heading, justify="left" if heading == "stage" else "right")
+    for r in payload["rows"]:
+        table.add_row(r["stage"], f"{r['seconds']:.1f}", f"{r['cpu_s']:.1f}", f"{r['peak_MB']:.0f}")
+    return [table, f"{payload['seconds']:.1f} s in all; the silk paper gives {payload['paper_s']} s for this (on other hardware)"]
+
+
 def _show_case(made: Mapping[str, Any]) -> list[str]:
     folder = made["folder"]
     return [

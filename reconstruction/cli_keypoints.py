@@ -23,6 +23,7 @@ Precision = Annotated[str, typer.Option(help="float32, or bfloat16 (faster on re
 Threads = Annotated[int, typer.Option(min=0, help="Of torch; 0: its default. One is faster on a busy machine.")]
 Budget = Annotated[float, typer.Option("--max-minutes", min=0.0, help="End a run after this time; 0: never.")]
 Graph = Annotated[Path | None, typer.Option("--knowledge", help="Knowledge graph (Turtle); the shipped one by default.")]
+Changes = Annotated[str, typer.Option("--augmentation", help="Of training images: paper, or wide (size, place, colour too).")]
 Seed = Annotated[int, typer.Option(help="Of the weights, the order and the augmentation.")]
 
 
@@ -92,6 +93,7 @@ def train_keypoints(
     arm: Annotated[str, typer.Option(help="Knowledge term: graph, none, shuffled, literal, graph-pixels.")] = "graph",
     weight: Weight = 0.8,
     knowledge: Graph = None,
+    augmentation: Changes = "paper",
     start_from: Annotated[Path | None, typer.Option(help="Published HRNet weights to begin with.")] = None,
     precision: Precision = "float32",
     threads: Threads = 0,
@@ -110,7 +112,7 @@ def train_keypoints(
     training, validation, test = split(samples_of(data))
     folder = check_writable(out)
     settings = _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes,
-                         arm=arm, seed=seed, patience=patience)
+                         arm=arm, seed=seed, patience=patience, augmentation=_augmentation(augmentation))
     steps = epochs * -(-len(training) // batch)
     if not resume:
         (folder / CHECKPOINT).unlink(missing_ok=True)
@@ -138,6 +140,7 @@ def study_keypoints(
     precision: Precision = "bfloat16",
     threads: Threads = 0,
     max_minutes: Budget = 0.0,
+    augmentation: Changes = "paper",
     blazepose: Annotated[Path | None, typer.Option(help="pose_landmark_full.tflite, for an outside comparison.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -149,7 +152,8 @@ def study_keypoints(
     folder = check_writable(out)
     known = all(s.image_path in boxes for s in samples)
     names = [name.strip() for name in arms.split(",") if name.strip()]
-    settings = _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes)
+    settings = _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes,
+                         augmentation=_augmentation(augmentation))
     steps = epochs * -(-sum(s.split == "train" for s in samples) // batch) * seeds * len(names)
     with progress("study", total=steps, quiet=as_json) as advance:
         payload = run(samples, folder, arms=names, seeds=seeds, settings=settings, knowledge=_graph(knowledge), blazepose=blazepose,
@@ -167,6 +171,15 @@ def _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_
         milestones=(round(epochs * 80 / 120), round(epochs * 100 / 120)), precision=precision, threads=threads,
         max_seconds=60.0 * max_minutes, **more,
     )
+
+
+def _augmentation(name: str):
+    from reconstruction.keypoints.crops import WIDE, Augmentation
+
+    known = {"paper": Augmentation(), "wide": WIDE}
+    if name not in known:
+        raise InputError(f"--augmentation '{name}' is none of {', '.join(known)}")
+    return known[name]
 
 
 def _graph(path: Path | None):

@@ -30,7 +30,7 @@ def read_image(path: str | Path) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Augmentation:
-    """Random changes of training images: the paper's rotation, mirroring and brightness, and two more that are off.
+    """Random changes of training images: the paper's rotation, mirroring, brightness; three more are off (:data:`WIDE`).
 
     Attributes
     ----------
@@ -42,6 +42,8 @@ class Augmentation:
         Largest relative change.
     scale, shift : float
         Largest relative change of the size, and shift as a fraction of the crop.
+    colour : float
+        Largest relative change of red, green and blue each.
     """
 
     rotation: float = 15.0
@@ -49,9 +51,12 @@ class Augmentation:
     brightness: float = 0.2
     scale: float = 0.0
     shift: float = 0.0
+    colour: float = 0.0
 
 
 NO_AUGMENTATION = Augmentation(0.0, False, 0.0)
+WIDE = Augmentation(scale=0.2, shift=0.08, colour=0.25)
+"""The paper's changes with others of size, place and colour: what a small network needs that has seen few pictures."""
 
 
 def crop_matrix(box, margin: float = 0.1, size: tuple[int, int] = INPUT_SIZE) -> np.ndarray:
@@ -110,8 +115,8 @@ def normalise(crops: np.ndarray) -> np.ndarray:
     return values.transpose(0, 3, 1, 2)
 
 
-def augment(matrix: np.ndarray, how: Augmentation, rng: np.random.Generator) -> tuple[np.ndarray, bool, float]:
-    """A random change of a crop's map: the new map, whether it mirrors, and the factor of the brightness.
+def augment(matrix: np.ndarray, how: Augmentation, rng: np.random.Generator) -> tuple[np.ndarray, bool, np.ndarray]:
+    """A random change of a crop's map: the new map, whether it mirrors, and the factors (3,) of red, green and blue.
 
     A mirrored map needs the points' left and right exchanged (``MIRROR``); :meth:`Dataset.crop` does it.
     """
@@ -126,5 +131,6 @@ def augment(matrix: np.ndarray, how: Augmentation, rng: np.random.Generator) -> 
         linear = np.diag([-1.0, 1.0]) @ linear
     centre = 0.5 * (np.array(INPUT_SIZE[::-1]) - 1.0)
     change = np.column_stack([linear, centre - linear @ centre + shift])
-    return compose(change, matrix), flipped, gain
+    colour = rng.uniform(-how.colour, how.colour, 3) if how.colour else np.zeros(3)
+    return compose(change, matrix), flipped, gain * (1.0 + colour)
 

@@ -132,13 +132,13 @@ class Dataset:
         """Crop bytes (256, 192, 3), points (12, 2) in it, visible, present, and the affine map from image to crop."""
         sample, image = self.samples[i], self.image(i)
         box = sample.box if sample.box is not None else image_box(image.shape)
-        matrix, flipped, gain = crop_matrix(box, self.margin), False, 1.0
+        matrix, flipped, gain = crop_matrix(box, self.margin), False, np.ones(3)
         if epoch is not None:
             rng = np.random.default_rng((self.seed, epoch, i))
             matrix, flipped, gain = augment(matrix, self.augmentation, rng)
         crop = warp(image, matrix)
-        if gain != 1.0:
-            crop = np.clip(crop.astype(np.float32) * gain, 0, 255).astype(np.uint8)
+        if (gain != 1.0).any():
+            crop = np.clip(crop.astype(np.float32) * gain.astype(np.float32), 0, 255).astype(np.uint8)
         points = apply(matrix, np.where(sample.present[:, None], sample.keypoints, 0.0))
         order = list(MIRROR) if flipped else slice(None)
         points, visible, present = points[order], sample.visible[order], sample.present[order]
