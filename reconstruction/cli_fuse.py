@@ -79,6 +79,26 @@ def matching(
     emit(payload | {"out": out}, as_json, _show_study)
 
 
+def canonical(
+    seeds: Annotated[int, typer.Option(min=1, help="Garments of each type.")] = 3,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Output folder.")] = Path("out/study-canonical"),
+    as_json: Json = False,
+) -> None:
+    """Match kinds of pictures in the frame of the canonical body, on synthetic garments whose every point is known."""
+    from reconstruction.matching.canonical_study import study
+    from reconstruction.matching.graph import write_csv
+
+    out = check_writable(out)
+    kinds = ("round-collar-robe", "half-sleeve")
+    with progress("garments", total=seeds * len(kinds), quiet=as_json) as advance:
+        payload = study(kinds, seeds, progress=advance)
+    write_csv(out / "canonical.csv", payload["rows"])
+    columns = {"kinds": "kinds", "variant": "SIFT on the pictures", "pairs": "pairs", "matches": "matches", "right": "right",
+               "precision": "share right", "chance": "by chance", "pairs_with_8": "pairs with 8 right"}  # fmt: skip
+    title = f"{payload['garments']} garments; right: within {100 * payload['tolerance_m']:g} cm on the worn garment; means a pair"
+    emit(payload | {"out": out}, as_json, lambda p: [_table(title, p["rows"], columns), f"written to {out}: canonical.csv"])
+
+
 def _table(title: str, rows: list[dict], columns: dict[str, str]) -> Any:
     """A rich table of some keys of rows."""
     from rich.table import Table
