@@ -20,12 +20,14 @@ from mfar_fem.processes import one_thread
 from mfar_fem.stress.cases import Case, draw
 from mfar_fem.stress.solve import Outcome, run_case
 
+ROWS = "cases.jsonl"
+"""File of finished cases, a line each in the order in which they ended: what a killed run leaves."""
 READY_LIMIT = 600.0
 """Seconds a worker may take to start (the kernels may have to be compiled)."""
 
 
 def run_stress_test(count: int = 40, seed: int = 0, workers: int = 2, out: str | Path | None = None,
-                    time_limit_per_case: float = 120.0, progress: Callable[[int, dict], None] | None = None,
+                    time_limit_per_case: float = 600.0, progress: Callable[[int, dict], None] | None = None,
                     only: int | Sequence[int] | None = None, cases: Sequence[Case] | None = None) -> dict:
     """Run random cases of the space of extremes and verify every one that claims to have converged.
 
@@ -36,7 +38,7 @@ def run_stress_test(count: int = 40, seed: int = 0, workers: int = 2, out: str |
     workers : int
         Processes.
     out : path, optional
-        Folder for ``stress.json``, ``stress.csv``, the failure map (CSV and PNG) and the last state of every case that did not
+        Folder for ``cases.jsonl`` (as they end), ``stress.json``, ``stress.csv``, the failure map (CSV and PNG) and the last state of every case that did not
         converge (``case-<index>.npz``: u, directors).
     time_limit_per_case : float
         Seconds of processor time, or ten times as many of wall time, after which the worker is killed and the case is a hang (on a
@@ -71,10 +73,14 @@ def run_stress_test(count: int = 40, seed: int = 0, workers: int = 2, out: str |
     if out is not None:
         folder = Path(out)
         folder.mkdir(parents=True, exist_ok=True)
+        (folder / ROWS).write_text("", encoding="utf-8")
     clock = time.perf_counter()
     outcomes: list[Outcome] = []
     for outcome in _outcomes(cases, min(workers, len(cases)), time_limit_per_case):
         outcomes.append(outcome)
+        if folder is not None:
+            with (folder / ROWS).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(_plain(outcome.row())) + "\n")
         if folder is not None and outcome.outcome != "converged" and outcome.state is not None:
             np.savez(folder / f"case-{outcome.case.index}.npz", u=outcome.state.u, directors=outcome.state.directors)
         if progress is not None:
