@@ -38,8 +38,8 @@ def run_stress_test(count: int = 40, seed: int = 0, workers: int = 2, out: str |
     workers : int
         Processes.
     out : path, optional
-        Folder for ``cases.jsonl`` (as they end), ``stress.json``, ``stress.csv``, the failure map (CSV and PNG) and the last state of every case that did not
-        converge (``case-<index>.npz``: u, directors).
+        Folder for ``cases.jsonl`` (as they end), ``stress.json``, ``stress.csv``, the failure map (CSV and PNG) and the last
+        state of every case that did not converge (``case-<index>.npz``: u, directors).
     time_limit_per_case : float
         Seconds of processor time, or ten times as many of wall time, after which the worker is killed and the case is a hang (on a
         busy machine wall time says little; where the system does not tell processor time it is wall time).
