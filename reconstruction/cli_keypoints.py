@@ -30,7 +30,7 @@ Seed = Annotated[int, typer.Option(help="Of the weights, the order and the augme
 def keypoints(
     images: Annotated[list[Path], typer.Argument(help="Pictures, or one folder with a sources.toml.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Output folder.")] = Path("out/keypoints"),
-    weights: Annotated[str, typer.Option(help="A trained detector (none is shipped yet: `mfar train keypoints`).")] = "shipped",
+    weights: Annotated[str, typer.Option(help="A detector of `mfar train keypoints` instead of the shipped one.")] = "shipped",
     kind: Annotated[str, typer.Option(help="Kind of the pictures without sources.toml: mural, figurine or textile.")] = "mural",
     least: Annotated[float, typer.Option(min=0.0, max=1.0, help="Points less likely than this to exist are left out.")] = 0.5,
     flip: Annotated[bool, typer.Option("--flip/--no-flip", help="Look at the mirrored picture too: twice the time.")] = True,

@@ -163,6 +163,11 @@ def _where(field: str, value: object) -> Callable[[Errors], np.ndarray]:
     return lambda e: np.broadcast_to((getattr(e, field) == value)[:, None], e.pixels.shape)
 
 
+def _seen_in(split: str) -> Callable[[Errors], np.ndarray]:
+    """Mask of the visible points of a split."""
+    return lambda e: e.visible & (e.split == split)[:, None]
+
+
 def _point(index: int) -> Callable[[Errors], np.ndarray]:
     """Mask of one point."""
     return lambda e: np.broadcast_to(np.arange(len(LANDMARKS)) == index, e.pixels.shape)
@@ -177,7 +182,8 @@ def table(runs: Sequence[Errors], replicates: int = 1000, seed: int = 0) -> list
         ("seen", "hidden", lambda e: ~e.visible),
     ]
     groups += [("style", str(v), _where("style", v)) for v in np.unique(np.concatenate([r.style for r in runs]))]
-    groups += [("split", str(v), _where("split", v)) for v in np.unique(np.concatenate([r.split for r in runs]))]
+    for v in np.unique(np.concatenate([r.split for r in runs])):
+        groups += [("split", str(v), _where("split", v)), ("split", f"{v}, visible", _seen_in(v))]
     groups += [("damage", str(v), _where("damage", v)) for v in np.unique(np.concatenate([r.damage for r in runs]))]
     groups += [("point", name, _point(k)) for k, name in enumerate(LANDMARKS)]
     return [{"group": g, "value": v, **summary(runs, mask, replicates=replicates, seed=seed)} for g, v, mask in groups]

@@ -72,10 +72,11 @@ def save_predictions(images: Sequence[np.ndarray], predictions: Predictions, pat
     for ax in axes.flat[len(images) :]:
         ax.axis("off")
     for i, (ax, image) in enumerate(zip(axes.flat, images, strict=False)):
-        draw_points(ax, image, predictions.points[i], predictions.confidence[i], None if truth is None else truth[i])
+        there = np.where((predictions.present[i] >= 0.5)[:, None], predictions.points[i], np.nan)
+        draw_points(ax, image, there, predictions.confidence[i], None if truth is None else truth[i])
         low = LANDMARKS[int(np.argmin(predictions.confidence[i]))].replace("_", " ")
         text = f"least sure: {low} {predictions.confidence[i].min():.2f}"
-        ax.set_title((f"{titles[i]}\n" if titles else "") + text, fontsize=7)
+        ax.set_title((f"{_short(titles[i])}\n" if titles else "") + text, fontsize=7)
     marks = [axes.flat[0].scatter([], [], color=c, s=30) for c in SIDE_COLOURS]
     labels = ["wearer's left", "wearer's right"]
     if truth is not None:
@@ -83,6 +84,12 @@ def save_predictions(images: Sequence[np.ndarray], predictions: Predictions, pat
         labels.append("truth")
     figure.legend(marks, labels, loc="outside lower center", ncol=3, fontsize=8, frameon=False)
     _save(figure, path)
+
+
+def _short(title: str, longest: int = 34) -> str:
+    """A long name without its middle."""
+    half = (longest - 1) // 2
+    return title if len(title) <= longest else f"{title[:half]}…{title[-half:]}"
 
 
 def save_heatmaps(image: np.ndarray, matrix: np.ndarray, heatmaps: np.ndarray, path: str | Path) -> None:
