@@ -5,16 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mfar_fem.errors import InputError
+from mfar_fem.errors import DataFileError, InputError
 from mfar_fem.fidelity import Fidelity
 from mfar_fem.surface import patterns
 from mfar_fem.surface.mesh import Surface
 
 KINDS = ("rectangle", "disc", "annulus", "mesh")
+WARP, BOUNDARY = "warp", "boundary_"
+"""Names of data in a mesh file (.vtu, .vtk, .msh): warp direction by triangle, and by vertex 1 on a named part of the boundary."""
+
+
+class Cut(NamedTuple):
+    """A sheet as a mesh in place: vertices (nv, 3) m, triangles (nt, 3), named boundaries (vertex ids), the pattern it comes from,
+    and the warp direction, (3,) or (nt, 3)."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    boundary: dict[str, np.ndarray]
+    pattern: patterns.Pattern | None
+    warp: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -32,7 +46,7 @@ class Sheet:
     turn : (3,) tuple
         Rotation vector, rad.
     warp : (3,) tuple
-        Warp direction in the sheet's own frame.
+        Warp direction in the sheet's own frame; a mesh file with data ``warp`` by triangle has its own instead.
     centred : bool
         Rectangle about the origin.
     path : str
@@ -70,13 +84,16 @@ class Sheet:
         """Longest side or diameter, m (of a mesh: not known before it is read)."""
         return {"rectangle": max(self.size, default=0.0), "mesh": math.nan}.get(self.kind, 2.0 * max(self.size, default=0.0))
 
-    def cut(self, level: Fidelity) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray], patterns.Pattern | None]:
-        """Vertices (nv, 3) in place, triangles, named boundaries (vertex ids), and the pattern they come from."""
-        if self.kind == "mesh":
-            from mfar_fem.surface.io import read_mesh
+    def cut(self, level: Fidelity) -> Cut:
+        """The sheet as a mesh.
 
-            mesh = read_mesh(self.path, self.scale)
-            return self.place(mesh.vertices), mesh.triangles, {}, None
+        Raises
+        ------
+        DataFileError
+            The mesh file cannot be read, or its data have the wrong shape.
+        """
+        if self.kind == "mesh":
+            return self._read()
         h = level.size(self.longest)
         if self.kind == "rectangle":
             length, width = self.size
@@ -88,7 +105,20 @@ class Sheet:
             n_r = max(1, round((r_out - r_in) / h))
             n_theta = max(6, 2 * round(math.pi * (r_in + r_out) / h / 2))
             p = patterns.annulus(r_in, r_out, n_r, n_theta, pattern=self.pattern, grading=self.grading)
-        return self.place(p.vertices), p.triangles, dict(p.boundary), p
+        return Cut(self.place(p.vertices), p.triangles, dict(p.boundary), p, self.warp_in_place())
+
+    def _read(self) -> Cut:
+        """The mesh of a file with what it knows of warp and boundaries."""
+        from mfar_fem.surface.io import read_mesh
+
+        mesh = read_mesh(self.path, self.scale)
+        warp = self.warp_in_place()
+        if (given := mesh.triangle_data.get(WARP)) is not None:
+            if np.shape(given) != (len(mesh.triangles), 3) or not np.isfinite(given).all():
+                raise DataFileError(f"the data '{WARP}' must be three finite numbers a triangle", self.path)
+            warp = Rotation.from_rotvec(self.turn).apply(np.asarray(given, dtype=float))
+        named = {k[len(BOUNDARY) :]: np.flatnonzero(v) for k, v in mesh.vertex_data.items() if k.startswith(BOUNDARY)}
+        return Cut(self.place(mesh.vertices), mesh.triangles, named, None, warp)
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Points (n, 3) of the sheet's own frame in space."""
@@ -108,13 +138,13 @@ def build_surface(sheets: Sequence[Sheet], level: Fidelity, order: int) -> Surfa
     boundary: dict[str, np.ndarray] = {}
     offset = 0
     for number, sheet in enumerate(sheets, 1):
-        v, t, named, pattern = sheet.cut(level)
+        v, t, named, pattern, direction = sheet.cut(level)
         prefix = "" if len(sheets) == 1 else f"{sheet.name or f'sheet{number}'}."
         boundary |= {prefix + key: ids + offset for key, ids in named.items()}
         mids.append((offset, len(v), sheet, pattern))
         vertices.append(v)
         triangles.append(t + offset)
-        warp.append(np.broadcast_to(sheet.warp_in_place(), (len(t), 3)))
+        warp.append(np.broadcast_to(direction, (len(t), 3)))
         offset += len(v)
     V = np.vstack(vertices)
 

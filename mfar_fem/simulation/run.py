@@ -57,8 +57,9 @@ class SimulationResult:
 def identity(scene: Scene) -> str:
     """Fingerprint of all that decides the motion; what is only written out does not count."""
     bare = replace(scene, output=replace(scene.output, every=None), bodies=())
+    files = [hashlib.sha256(Path(s.path).read_bytes()).hexdigest() for s in scene.sheets if s.path and Path(s.path).is_file()]
     bodies = [(type(b).__name__, sorted((k, _plain(v)) for k, v in vars(b).items())) for b in scene.bodies]
-    text = re.sub(r" at 0x[0-9a-f]+", "", repr(bare) + repr(bodies))
+    text = re.sub(r" at 0x[0-9a-f]+", "", repr(bare) + repr(bodies) + "".join(files))
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 

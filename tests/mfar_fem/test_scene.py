@@ -11,8 +11,10 @@ from mfar_fem.scene import Air, Contact, Hold, Scene
 from mfar_fem.scene_file import load_scene, scene_from_dict, scene_names
 from mfar_fem.sheet import Sheet, build_surface, smooth_noise
 from mfar_fem.simulation.engines import FiniteElements
+from mfar_fem.simulation.run import identity
 from mfar_fem.solve.inertia import Inertia
 from mfar_fem.supports import Clamp, Hinge
+from mfar_fem.surface.io import write_mesh
 
 SILK = Fabric.load("silk-charmeuse")
 SQUARE = Sheet("rectangle", (0.1, 0.1))
@@ -94,6 +96,24 @@ def test_two_sheets_make_one_surface_with_their_own_names():
     assert {"sheet1.left", "lid.outer"} <= set(surface.boundary)
     rim = surface.nodes[surface.nodes_of("lid.outer")] - [0.0, 0.0, 0.2]
     np.testing.assert_allclose(np.linalg.norm(rim, axis=1), 0.05, rtol=1e-12)  # mid-side nodes on the circle too
+
+
+def test_a_mesh_file_brings_its_warp_and_its_boundaries(tmp_path):
+    plain = build_surface((SQUARE,), COARSE, 1)
+    angle = np.linspace(0.0, 1.0, len(plain.triangles))
+    warp = np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    left = np.zeros(len(plain.vertices))
+    left[plain.boundary["left"]] = 1
+    write_mesh(tmp_path / "cloth.vtu", plain.vertices, plain.triangles, {"boundary_left": left}, {"warp": warp})
+    sheet = Sheet("mesh", path=str(tmp_path / "cloth.vtu"), turn=(0.0, 0.0, np.pi / 2))
+    surface = build_surface((sheet,), COARSE, 2)
+    np.testing.assert_allclose(surface.warp, np.column_stack([-warp[:, 1], warp[:, 0], warp[:, 2]]), atol=1e-15)
+    np.testing.assert_allclose(surface.nodes[surface.nodes_of("left"), 1], 0.0, atol=1e-15)
+    first = identity(scene(sheets=(sheet,)))
+    write_mesh(tmp_path / "cloth.vtu", 1.01 * plain.vertices, plain.triangles, {}, {"warp": warp[:, :2]})
+    assert identity(scene(sheets=(sheet,))) != first  # a run is not gone on with on another mesh of the same name
+    with pytest.raises(DataFileError, match="three finite numbers a triangle"):
+        build_surface((sheet,), COARSE, 1)
 
 
 def test_the_perturbation_is_a_field_of_the_sheet_not_of_the_mesh():
