@@ -38,47 +38,10 @@ def keypoints(
     as_json: Json = False,
 ) -> None:
     """Find the twelve points in pictures; writes keypoints.json and predictions.png."""
-    from reconstruction import images as pictures
-    from reconstruction.keypoints.plots import save_heatmaps, save_predictions
-    from reconstruction.keypoints.predict import Detector
-    from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
-    from reconstruction.landmarks import KINDS, LANDMARKS
+    from reconstruction.keypoints.locate import locate
 
-    entries: list[tuple[Path, str, dict[str, Any]]]
-    if len(images) == 1 and (images[0].is_dir() or images[0].suffix.lower() == ".toml"):
-        from reconstruction.sources import read
-
-        entries = [(s.path, s.kind, {"figure": None if s.figure == "none" else s.figure, "mask": s.mask, "scale": s.scale_entry()})
-                   for s in read(images[0]).sources]
-    else:
-        if kind not in KINDS:
-            raise InputError(f"--kind '{kind}' is none of {', '.join(KINDS)}")
-        entries = [(path, kind, {}) for path in images]
-    loaded = [pictures.load(path) for path, _, _ in entries]
-    detector = Detector.load(weights)
-    detector.flip = flip
-    folder = check_writable(out)
-    with progress("keypoints", total=len(entries), quiet=as_json) as advance:
-        p = detector.predict([i.rgb for i in loaded], keep_heatmaps=True, progress=advance)
-    present, sigma = p.present >= least, p.deviations()
-    found = [
-        ImageKeypoints.of(path, k, p.points[i], confidence=p.confidence[i], present=present[i], sigma=sigma[i],
-                          size=loaded[i].size, **known)
-        for i, (path, k, known) in enumerate(entries)
-    ]
-    write_keypoints(folder / "keypoints.json", KeypointsFile(tuple(found)))
-    names = [path.name for path, _, _ in entries]
-    save_predictions([i.rgb for i in loaded], p, folder / "predictions.png", names)
-    if heatmaps and p.heatmaps is not None:
-        for i, image in enumerate(loaded):
-            save_heatmaps(image.rgb, p.matrices[i], p.heatmaps[i], folder / f"heatmaps_{i + 1:03d}_{Path(names[i]).stem}.png")
-    payload = {
-        "out": folder, "weights": weights, "within_px_of_256x192": p.within, "landmarks": LANDMARKS,
-        "images": [
-            {"name": name, "points": p.points[i], "confidence": p.confidence[i], "present": present[i], "notes": loaded[i].notes}
-            for i, name in enumerate(names)
-        ],
-    }
+    with progress("keypoints", quiet=as_json) as advance:
+        payload = locate(images, out, weights, kind=kind, least=least, flip=flip, heatmaps=heatmaps, progress=advance)
     emit(payload, as_json, _show_points)
 
 
