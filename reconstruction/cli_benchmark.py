@@ -20,6 +20,7 @@ def benchmark_data(
     seed: Annotated[int, typer.Option(min=0, help="Of everything.")] = 0,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     light: Annotated[bool, typer.Option("--light", help="Without depth, normals and labels.")] = False,
+    pictures: Annotated[int, typer.Option(min=0, help="Of each identity, at most; 0: all. Few of many identities train best.")] = 0,
     body: Annotated[Path | None, typer.Option(help="OBJ of a body to dress instead of drawn figures.")] = None,
     body_keypoints: Annotated[Path | None, typer.Option(help="JSON with that body's joints.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -44,6 +45,7 @@ def benchmark_data(
             workers,
             light,
             figure=figure,
+            pictures=pictures,
             progress=lambda done, total, name: advance(description=f"identity {name}", completed=done, total=total),
         )
     report["contact_sheet"] = contact_sheet(load_index(folder))

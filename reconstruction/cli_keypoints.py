@@ -57,7 +57,9 @@ def train_keypoints(
     weight: Weight = 0.8,
     knowledge: Graph = None,
     augmentation: Changes = "paper",
-    start_from: Annotated[Path | None, typer.Option(help="Published HRNet weights to begin with.")] = None,
+    more: Annotated[list[Path] | None, typer.Option("--more", help="Folder of `mfar benchmark-data` with another seed: all its \
+identities of the seen types train too (repeatable).")] = None,
+    start_from: Annotated[Path | None, typer.Option(help="Published HRNet weights, or a detector, to begin with.")] = None,
     precision: Precision = "float32",
     threads: Threads = 0,
     patience: Annotated[int, typer.Option(min=0, help="End after so many epochs without a better validation; 0: never.")] = 0,
@@ -68,11 +70,12 @@ def train_keypoints(
 ) -> None:
     """Train a keypoint network and calibrate its confidence on the validation images."""
     from reconstruction.keypoints.report import finish
-    from reconstruction.keypoints.samples_file import samples_of
+    from reconstruction.keypoints.samples_file import further, samples_of
     from reconstruction.keypoints.study import split
     from reconstruction.keypoints.train import CHECKPOINT, train
 
     training, validation, test = split(samples_of(data))
+    training += further(data, more or [])
     folder = check_writable(out)
     settings = _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes,
                          arm=arm, seed=seed, patience=patience, augmentation=_augmentation(augmentation))

@@ -55,3 +55,43 @@ def _render(payload: Mapping[str, Any]) -> list[Any]:
     shown += [f"{f['level']}: {f['where']} {f['message']}" for f in payload["findings"]]
     shown.append("written: " + ", ".join(Path(path).name for path in payload["files"].values()))
     return shown
+
+
+def study_template(
+    seeds: Annotated[int, typer.Option(min=1, help="Garments of each type.")] = 3,
+    types: Annotated[str, typer.Option(help="Types, with commas.")] = "round-collar-robe,half-sleeve,flying-ribbon",
+    weights: Annotated[str, typer.Option(help="A trained detector instead of the shipped one.")] = "shipped",
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Output folder; cases and points in it are kept.")
+    ] = Path("out/study-template"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Sew, draw, detect, fit: how far templates made from pictures are from the patterns of synthetic garments."""
+    import csv
+
+    from reconstruction.template.case_study import study
+    from reconstruction.template.dimensions import garment_type
+
+    garments = [garment_type(name.strip()) for name in types.split(",") if name.strip()]
+    folder = check_writable(out)
+    with progress("garments", total=seeds * len(garments), quiet=as_json) as advance:
+        payload = study(folder, garments, seeds, weights, advance)
+    for name in ("rows", "summary"):
+        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.DictWriter(stream, list(payload[name][0]) + (["why"] if name == "rows" else []), restval="")
+            writer.writeheader()
+            writer.writerows(payload[name])
+    emit(payload | {"out": folder}, as_json, _show_study)
+
+
+def _show_study(payload: Mapping[str, Any]) -> list[Any]:
+    from rich.table import Table
+
+    table = Table(title="Errors of the template's dimensions, median (largest) over the garments, %")
+    for column in ("garment", "dimension", "points", "sources", "vote", "error", "≤ 3 %"):
+        table.add_column(column, justify="right" if column in ("error", "≤ 3 %") else "left")
+    for r in payload["summary"]:
+        error = "-" if r["median_error"] is None else f"{100 * r['median_error']:.1f} ({100 * r['largest_error']:.1f})"
+        within = f"{r['within_3_percent']}/{r['cases']}"
+        table.add_row(r["garment"], r["dimension"], r["points"], r["sources"], r["vote"], error, within)
+    return [table, f"written to {payload['out']}: rows.csv, summary.csv"]

@@ -8,7 +8,7 @@ One ``[[image]]`` table a picture (``mfar fuse FOLDER --template`` writes them, 
     licence = "CC BY 4.0"           # required: may the picture be used, and who is named
     figure = "female"               # male (1.75 m), female (1.65 m) or none
     height = "168 cm"               # only if the figure's height is known better
-    mask = "mural_3_mask.png"       # the garment's outer face in white, a picture of the same size
+    mask = "mural_3_mask.png"       # the garment in white (of a tunic its outer face), a picture of the same size
     scale = [{ from = [120, 40], to = [120, 940], length = "30 cm" }]    # marks in the picture, px
     dpi = 600                       # instead of scale: flat scans only
     camera = "mural_3_P.txt"        # 3x4 projection matrix, text

@@ -13,7 +13,8 @@ from reconstruction.torch_library import torch
 def read_state_dict(path) -> dict:
     """Tensors by name in a file of `torch.save` (only tensors and plain containers are unpickled).
 
-    A dictionary below ``state_dict`` or ``model`` is unpacked, and the prefix ``module.`` of data-parallel training dropped.
+    A dictionary below ``state_dict``, ``model`` or ``state`` (a detector) is unpacked, and the prefix ``module.`` of data-parallel
+    training dropped.
 
     Raises
     ------
@@ -29,7 +30,7 @@ def read_state_dict(path) -> dict:
         reason = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
         raise DataFileError(f"is not a file of weights that can be read safely ({reason}); "
                             "save it with torch.save(model.state_dict(), file)", path=path) from error
-    for key in ("state_dict", "model"):
+    for key in ("state_dict", "model", "state"):
         if isinstance(state, dict) and isinstance(state.get(key), dict):
             state = state[key]
     if not isinstance(state, dict) or not state or not all(isinstance(v, torch.Tensor) for v in state.values()):

@@ -32,6 +32,7 @@ def build(
     light: bool = False,
     size: float = SIZE,
     figure: Figure = None,
+    pictures: int = 0,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> dict[str, Any]:
     """Make a benchmark or complete one.
@@ -51,6 +52,9 @@ def build(
         Edge length of the cloth's mesh, m.
     figure : (str, str), optional
         OBJ file and keypoints of a body that all identities wear their garments on: then the splits no longer separate bodies.
+    pictures : int
+        Of each identity, at most, drawn from its eight (or eleven); 0 for all. Draping costs as much as two to four pictures:
+        for training, many identities with few pictures teach more in the same time.
     progress : callable, optional
         ``progress(done, total, name)`` after each identity.
 
@@ -73,10 +77,10 @@ def build(
     records: dict[str, dict[str, Any]] = {}
     failed: dict[str, str] = {}
     for identity in wanted:
-        if (record := complete(root, identity, light, size, figure)) is not None:
+        if (record := complete(root, identity, light, size, figure, pictures)) is not None:
             records[identity.name] = record
     kept = sorted(records)
-    calls = {i: (root, i, light, size, figure) for i in wanted if i.name not in records}
+    calls = {i: (root, i, light, size, figure, pictures) for i in wanted if i.name not in records}
     for identity, result in side_by_side(_attempt, calls, workers):
         if isinstance(result, str):
             failed[identity.name] = result
@@ -106,10 +110,10 @@ def build(
     }
 
 
-def _attempt(root: Path, identity: Identity, light: bool, size: float, figure: Figure) -> dict[str, Any] | str:
+def _attempt(root: Path, identity: Identity, light: bool, size: float, figure: Figure, pictures: int = 0) -> dict[str, Any] | str:
     """The record of an identity, or why this one cannot be made; wrong input stops the run."""
     try:
-        return make(root, identity, light, size, figure)
+        return make(root, identity, light, size, figure, pictures)
     except (NotConvergedError, SurfaceError) as error:
         return str(error)
 

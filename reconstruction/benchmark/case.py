@@ -21,6 +21,8 @@ from .store import QUALITY, save_arrays
 
 KINDS = (*SEEN, HELD_OUT)
 """Types of garment."""
+TWO_SIDED = ("flying-ribbon", HELD_OUT)
+"""Types whose masks show both faces of the cloth; those of tunics leave the inside out that shows at collar, cuffs and hem."""
 PICTURES = 10
 """Of a case: four figurines, three murals and a textile, and a figurine and a mural that are more damaged."""
 TRUTH = "truth"
@@ -94,7 +96,8 @@ def _picture(folder: Path, made: Model, shot) -> tuple[dict[str, Any], ImageKeyp
     picture, mask = folder / "pictures" / f"{name}.jpg", folder / "masks" / f"{name}.png"
     Image.fromarray(image).save(picture, quality=QUALITY, subsampling=0)
     view = look(scene, camera)
-    Image.fromarray((255 * (view.cloth & ~view.under)).astype(np.uint8)).save(mask)
+    shown = view.cloth if made.identity.kind in TWO_SIDED else view.cloth & ~view.under
+    Image.fromarray((255 * shown).astype(np.uint8)).save(mask)
     textile = shot.style == "textile"
     world = made.arrays["flat_keypoints" if textile else "keypoints"]
     there = made.arrays["present"] & np.asarray(keypoints.visible(world, camera, scene.caster))

@@ -170,19 +170,24 @@ def crossing_edges(mesh: SewnMesh, vertices: np.ndarray) -> float:
     return float(((face >= 0) & ~touches & (t < 0.96 * length)).mean())
 
 
-def shots(identity: Identity) -> list[Shot]:
+def shots(identity: Identity, pictures: int = 0) -> list[Shot]:
     """The pictures of an identity: a figurine from four sides in one state of decay, three murals, one textile; for the test splits
-    each style once more at the held-out damage level."""
+    each style once more at the held-out damage level. With `pictures` so many of these, drawn at random: each is the same as in the
+    full set."""
     rng = np.random.default_rng([identity.texture_seed, 17])
     state = int(rng.integers(3))
     plan = [("figurine", v, state) for v in range(len(figurine.AZIMUTHS))]
     plan += [("mural", v, int(rng.integers(3))) for v in range(3)] + [("textile", 0, int(rng.integers(3)))]
     if identity.split.startswith("test"):
         plan += [("figurine", 4, HELD_OUT_DAMAGE), ("mural", 3, HELD_OUT_DAMAGE), ("textile", 1, HELD_OUT_DAMAGE)]
-    return [
+    full = [
         Shot(style, view, damage, int(np.random.SeedSequence([identity.texture_seed, i, 19]).generate_state(1)[0]))
         for i, (style, view, damage) in enumerate(plan)
     ]
+    if not 0 < pictures < len(full):
+        return full
+    chosen = np.random.default_rng([identity.texture_seed, 31]).choice(len(full), pictures, replace=False)
+    return [full[i] for i in sorted(chosen)]
 
 
 def shoot(made: Model, shot: Shot) -> tuple[np.ndarray, np.ndarray, Camera, Scene]:

@@ -25,7 +25,8 @@ QUALITY = 92
 """Of the JPEG files."""
 
 
-def complete(root: Path, identity: Identity, light: bool, size: float = SIZE, figure: Figure = None) -> dict[str, Any] | None:
+def complete(root: Path, identity: Identity, light: bool, size: float = SIZE, figure: Figure = None,
+             pictures: int = 0) -> dict[str, Any] | None:  # fmt: skip
     """The record of an identity that is already there in this version (and with truth, unless `light`), or None."""
     try:
         record = json.loads((root / identity.stem / "identity.json").read_text(encoding="utf-8"))
@@ -35,6 +36,7 @@ def complete(root: Path, identity: Identity, light: bool, size: float = SIZE, fi
         record.get("version") == VERSION
         and (light or not record.get("light"))
         and record.get("mesh_size") == size
+        and len(record.get("images", ())) == len(shots(identity, pictures))
         and record.get("figure") == (None if figure is None else list(figure))
         and record.get("facts", {}).get("identity", {}).get("split") == identity.split
     )
@@ -44,7 +46,8 @@ def complete(root: Path, identity: Identity, light: bool, size: float = SIZE, fi
     return record if all((root / f).exists() for f in files) else None
 
 
-def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE, figure: Figure = None) -> dict[str, Any]:
+def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE, figure: Figure = None,
+         pictures: int = 0) -> dict[str, Any]:  # fmt: skip
     """Make an identity's folder, in place of what is there.
 
     Parameters
@@ -58,6 +61,8 @@ def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE
         Edge length of the cloth's mesh, m.
     figure : (str, str), optional
         OBJ file and keypoints of a body that all identities wear their garments on: then the splits no longer separate bodies.
+    pictures : int
+        At most so many; 0 for all.
 
     Returns
     -------
@@ -78,7 +83,7 @@ def make(root: Path, identity: Identity, light: bool = False, size: float = SIZE
         arrays = made.arrays
         save_arrays(scratch / f"{identity.stem}_geometry.npz", arrays)
         entries = []
-        for shot in shots(identity):
+        for shot in shots(identity, pictures):
             image, intact, camera, scene = shoot(made, shot)
             points = arrays["flat_keypoints" if shot.style == "textile" else "keypoints"]
             there = arrays["present"]

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mfar_fem.errors import DataFileError, ParameterError
+from mfar_fem.errors import DataFileError, InputError, ParameterError
 from reconstruction.keypoints.data import Sample
 
 GARMENT = 2
@@ -95,6 +96,32 @@ def samples_of(folder: str | Path) -> list[Sample]:
     for s in load_index(folder).samples:
         present = s.present & np.isfinite(s.keypoints).all(axis=1)
         found.append(Sample(s.path, s.keypoints, s.visible & s.intact, present, s.style, s.damage, s.split, s.identity))
+    return found
+
+
+def further(folder: str | Path, others: Sequence[str | Path]) -> list[Sample]:
+    """Samples of further benchmarks that train beside a first one: all of the types that may be seen, whatever their split there.
+
+    Raises
+    ------
+    InputError
+        One of them has the seed of the first or of another: its identities would be in training and test.
+    DataFileError
+        One is no benchmark.
+    """
+    found: list[Sample] = []
+    if not others:
+        return found
+    from reconstruction.benchmark import load_index
+
+    seeds = {load_index(folder).seed: str(folder)}
+    for other in others:
+        seed = load_index(other).seed
+        if seed in seeds:
+            raise InputError(f"'{other}' has seed {seed} as '{seeds[seed]}' has: the same garments. Make one with another --seed")
+        seeds[seed] = str(other)
+        seen = [s for s in samples_of(other) if s.split != "test-type"]
+        found += [replace(s, split="train", identity=f"{seed}:{s.identity}") for s in seen]
     return found
 
 

@@ -20,7 +20,7 @@ from reconstruction.landmarks import LANDMARKS
 SIZE = 0.045
 
 
-def one_of_each_style(identity):
+def one_of_each_style(identity, pictures=0):
     plan = shots(identity)
     return [plan[0], plan[4], plan[7]]
 
@@ -151,7 +151,7 @@ def test_a_failed_identity_is_reported_and_the_rest_is_made(small, tmp_path, mon
         return make(root, identity, light, size, figure)
 
     make = store.make
-    monkeypatch.setattr(store, "shots", lambda identity: shots(identity)[7:8])
+    monkeypatch.setattr(store, "shots", lambda identity, pictures=0: shots(identity)[7:8])
     monkeypatch.setattr(build_module, "make", fails)
     seen = []
     report = build(tmp_path, 1, seed=5, light=True, size=SIZE, progress=lambda *a: seen.append(a))

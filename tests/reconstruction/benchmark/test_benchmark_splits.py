@@ -51,3 +51,12 @@ def test_another_seed_gives_others_and_nonsense_is_refused():
         identities(0, 0)
     with pytest.raises(ParameterError, match="negative"):
         identities(3, -1)
+
+
+def test_few_pictures_are_some_of_the_full_set():
+    for identity in identities(21, 3):
+        full, few = shots(identity), shots(identity, 3)
+        assert len(few) == 3 and set(few) <= set(full) and few == shots(identity, 3)
+        assert shots(identity, 99) == full
+    styles = {s.style for i in identities(21, 3) for s in shots(i, 3)}
+    assert styles == {"figurine", "mural", "textile"}

@@ -13,7 +13,7 @@ cv2 = pytest.importorskip("cv2")
 
 import stick_figures  # noqa: E402
 
-from mfar_fem.errors import DataFileError, ParameterError  # noqa: E402
+from mfar_fem.errors import DataFileError, InputError, ParameterError  # noqa: E402
 from reconstruction.keypoints.crops import (  # noqa: E402
     NO_AUGMENTATION,
     Augmentation,
@@ -26,7 +26,7 @@ from reconstruction.keypoints.crops import (  # noqa: E402
     warp,
 )
 from reconstruction.keypoints.data import Dataset, Sample  # noqa: E402
-from reconstruction.keypoints.samples_file import garment_boxes, read_index, samples_of, write_index  # noqa: E402
+from reconstruction.keypoints.samples_file import further, garment_boxes, read_index, samples_of, write_index  # noqa: E402
 from reconstruction.landmarks import INDEX  # noqa: E402
 
 
@@ -210,3 +210,28 @@ def test_samples_and_boxes_of_a_benchmark(tmp_path, monkeypatch):
     assert garment_boxes(tmp_path) == {sample.image_path: (19.5, 9.5, 49.5, 99.5)}
     entry.truth = None
     assert garment_boxes(tmp_path) == {}
+
+
+def test_further_benchmarks_train_with_all_they_may_show(tmp_path, monkeypatch):
+    from types import SimpleNamespace
+
+    import reconstruction.benchmark as benchmark
+
+    (sample,) = stick_figures.make(tmp_path, 1)
+    every = np.ones(12, bool)
+
+    def entry(split, identity):
+        return SimpleNamespace(path=sample.image_path, keypoints=sample.keypoints, visible=every, present=every, intact=every,
+                               style="mural", damage=0, split=split, identity=identity)
+
+    entries = (entry("test", "I0001"), entry("validation", "I0003"), entry("test-type", "H0000"))
+    seeds = {"first": 0, "second": 1, "third": 0}
+    for name in seeds:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "benchmark.json").write_text("{}")
+    monkeypatch.setattr(benchmark, "load_index", lambda folder: SimpleNamespace(samples=entries, seed=seeds[folder.name]))
+    found = further(tmp_path / "first", [tmp_path / "second"])
+    assert [(s.split, s.identity) for s in found] == [("train", "1:I0001"), ("train", "1:I0003")]
+    assert further(tmp_path / "first", []) == []
+    with pytest.raises(InputError, match="the same garments"):
+        further(tmp_path / "first", [tmp_path / "third"])

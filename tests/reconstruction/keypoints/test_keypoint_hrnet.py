@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch")
 
 from mfar_fem.errors import DataFileError, ParameterError, UnknownNameError  # noqa: E402
 from reconstruction.keypoints.hrnet import ARCHITECTURES, Architecture, architecture, build, parameter_count  # noqa: E402
+from reconstruction.keypoints.predict import Detector  # noqa: E402
 from reconstruction.keypoints.published import load_published  # noqa: E402
 
 TINY = Architecture(4, (1, 1, 1), 1, 8, 1)
@@ -86,6 +87,16 @@ def test_published_weights_load_and_the_last_layer_is_swapped(tmp_path):
         model(x)
     assert torch.equal(features["source"], features["target"])
     assert target(x).shape[1] == 12
+
+
+def test_a_detector_can_be_begun_with(tmp_path):
+    source, target = tiny("v2", 12), tiny("v2", 12, width=4)
+    with torch.no_grad():
+        source.conv1.weight += 1.0
+    Detector(source, 3.0).save(tmp_path / "detector.pt")
+    report = load_published(tmp_path / "detector.pt", target)
+    assert report.missing == () and report.unexpected == () and report.swapped == ()
+    assert torch.allclose(target.conv1.weight, source.conv1.weight, atol=2e-3)  # convolutions are kept in 16 bits
 
 
 def test_what_is_missing_and_unexpected_is_said(tmp_path, caplog):
