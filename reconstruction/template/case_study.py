@@ -44,7 +44,8 @@ def compare(folder: Path, detected: Path, garment: str) -> list[dict[str, Any]]:
     -------
     list of dict
         ``garment``, ``points`` (detected or true), ``sources``, ``vote``, ``dimension``, ``true_m``, ``found_m``,
-        ``error`` (relative), ``assumed`` (whether no picture showed it); ``found_m`` is None, with ``why``, where no template came about.
+        ``error`` (relative), ``assumed`` (whether no picture showed it); ``found_m`` is None, with ``why``, where
+        no template came about.
     """
     cut = json.loads((folder / "truth" / "truth.json").read_text(encoding="utf-8"))["cut"]
     truth = {name: factor * cut[key] for name, (key, factor) in TRUTH.get(garment, TRUTH["tunic"]).items() if cut.get(key)}
