@@ -13,7 +13,7 @@ from mfar_fem.errors import InputError
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 Data = Annotated[Path, typer.Option("--data", "-d", help="Folder of `mfar benchmark-data`, or with a samples.json.")]
-Arch = Annotated[str, typer.Option("--arch", help="Network: small, w18, w32 or w48.")]
+Arch = Annotated[str, typer.Option("--arch", help="Network: tiny, small, w18, w32 or w48.")]
 Epochs = Annotated[int, typer.Option(min=1, help="Passes over the training images; the rate drops at 2/3 and 5/6 of them.")]
 Batch = Annotated[int, typer.Option("--batch", min=2, help="Images a step.")]
 Rate = Annotated[float, typer.Option("--rate", help="Learning rate of Adam at the beginning.")]

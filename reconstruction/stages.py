@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -69,12 +70,15 @@ def measure(commands: Sequence[tuple[str, Sequence[str]]], progress: Callable[..
 
 def make_and_measure(out, garment: str = "round-collar-robe", keypoints: str | None = None,
                      progress: Callable[..., None] | None = None) -> dict[str, Any]:
-    """Cost of the stages on a synthetic garment of ten pictures, which is made first (and kept, in ``out/case``)."""
+    """Cost of the stages on a synthetic garment of ten pictures, which is made first (and kept, in ``out/case``; what the stages
+    wrote before is removed, for they would go on with it)."""
     case = Path(out) / "case"
     if not (case / "sources.toml").exists():
         from reconstruction.benchmark.case import make_case
 
         make_case(case, garment)
+    for name, _ in stages(case, out, keypoints):
+        shutil.rmtree(Path(out) / ("fusion" if name == "fuse" else name), ignore_errors=True)
     from reconstruction.sources import read
 
     return {"garment": garment, "images": len(read(case).sources), **measure(stages(case, out, keypoints), progress)}

@@ -14,12 +14,15 @@ import itertools
 import json
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 
+from mfar_fem import threads
 from mfar_fem.cli.console import check_writable, jsonable
 from mfar_fem.errors import InputError
 from mfar_fem.files import replace_bytes
@@ -148,10 +151,20 @@ def fuse(folder, out, settings: MatchSettings | None = None, light: HighEmphasis
         report(f"corrected {source.name}")
     store = FeatureStore(ready, out / "cache", settings, light)
     results, keys = [], []
-    for a, b in itertools.combinations(range(len(ready)), 2):
-        keys.append(_pair_key(ready[a], ready[b], (a, b), store))
-        results.append(_pair(ready[a], ready[b], (a, b), store, out / "cache" / f"pair_{keys[-1]}.npz"))
-        report(f"matched {ready[a].source.name} - {ready[b].source.name}")
+    pairs = list(itertools.combinations(range(len(ready)), 2))
+
+    def match(pair: tuple[int, int]) -> tuple[str, PairResult]:
+        a, b = (ready[i] for i in pair)
+        key = _pair_key(a, b, pair, store)
+        return key, _pair(a, b, pair, store, out / "cache" / f"pair_{key}.npz")
+
+    # OpenCV leaves Python's lock while it works, and every thread has a random generator of its own, seeded for each search: the
+    # results are those of one thread
+    with ThreadPoolExecutor(threads.count()) as pool:
+        for (a, b), (key, result) in zip(pairs, pool.map(match, pairs), strict=True):
+            keys.append(key)
+            results.append(result)
+            report(f"matched {ready[a].source.name} - {ready[b].source.name}")
     graph = MatchGraph({p.source.name: p.source.kind for p in ready}, tuple(results))
     fusion = Fusion(out, found, tuple(ready), graph, settings, light)
     files = graph.write(out) + _draw(fusion, keys, report)
@@ -171,9 +184,14 @@ class FeatureStore:
         shared = [opencv().__version__, detection, asdict(light)]
         self.keys = [cache.key("features", shared, p.digest, p.reduction) for p in ready]
         self._kept: OrderedDict[int, Features] = OrderedDict()
+        self._lock = Lock()
 
     def __call__(self, number: int) -> Features:
-        """Features of a picture by its number."""
+        """Features of a picture by its number; one thread at a time."""
+        with self._lock:
+            return self._get(number)
+
+    def _get(self, number: int) -> Features:
         if number in self._kept:
             self._kept.move_to_end(number)
             return self._kept[number]

@@ -142,20 +142,32 @@ def fit_pose(points, skeleton: Skeleton, sigma=1.0, pixels_per_metre: float | No
     guess = pixels_per_metre or _spread(points[torso]) / _spread(rest[torso][:, [0, 2]])
 
     def place(x: np.ndarray) -> np.ndarray:
-        space = np.full((12, 3), np.nan)
-        space[list(TORSO)] = Rotation.from_rotvec(x[1:4]).apply(rest[list(TORSO)])
-        for (_, a, b, length), direction in zip(limbs, x[6:].reshape(-1, 3), strict=True):
-            space[b] = space[a] + length * direction / np.linalg.norm(direction)
+        """Landmarks (m, 12, 3) of parameters (m, n)."""
+        space = np.full((len(x), 12, 3), np.nan)
+        turn = Rotation.from_rotvec(x[:, 1:4]).as_matrix()
+        space[:, list(TORSO)] = np.einsum("mij,kj->mki", turn, rest[list(TORSO)])
+        for n, (_, a, b, length) in enumerate(limbs):
+            direction = x[:, 6 + 3 * n : 9 + 3 * n]
+            space[:, b] = space[:, a] + length * direction / np.linalg.norm(direction, axis=1, keepdims=True)
         return space
 
+    used = here & np.isfinite(place(np.ones((1, 6 + 3 * len(limbs))))[0]).all(axis=1)
+
     def residuals(x: np.ndarray) -> np.ndarray:
-        seen = np.exp(x[0]) * place(x)[:, [0, 2]] * (1, -1) + x[4:6]
-        used = here & np.isfinite(seen).all(axis=1)
-        parts = [((seen - points)[used] / sigma[used, None]).ravel(), x[1:4] / ROTATION_SIGMA]
-        parts.append(np.linalg.norm(x[6:].reshape(-1, 3), axis=1) - 1)  # the length of a direction has no meaning: keep it near 1
+        """Of parameters (m, n), a row each."""
+        seen = np.exp(x[:, 0, None, None]) * place(x)[:, :, [0, 2]] * (1, -1) + x[:, None, 4:6]
+        parts = [((seen - points)[:, used] / sigma[used, None]).reshape(len(x), -1), x[:, 1:4] / ROTATION_SIGMA]
+        # the length of a direction has no meaning: keep it near 1
+        parts.append(np.linalg.norm(x[:, 6:].reshape(len(x), -1, 3), axis=2) - 1)
         if pixels_per_metre is not None:
-            parts.append([(x[0] - np.log(pixels_per_metre)) / scale_sigma])
-        return np.concatenate(parts)
+            parts.append((x[:, :1] - np.log(pixels_per_metre)) / scale_sigma)
+        return np.concatenate(parts, axis=1)
+
+    def jacobian(x: np.ndarray) -> np.ndarray:
+        """Forward differences, all parameters in one go: a tenth of the time of one after the other."""
+        step = np.sqrt(np.finfo(float).eps) * np.where(x >= 0, 1.0, -1.0) * np.maximum(1.0, np.abs(x))
+        values = residuals(np.vstack([x, x + np.diag(step)]))
+        return ((values[1:] - values[0]) / (x + step - x)[:, None]).T
 
     def start(tilt: float) -> np.ndarray:
         x = np.concatenate([[np.log(guess)], [tilt, 0, 0], offset, np.zeros(3 * len(limbs))])
@@ -167,13 +179,15 @@ def fit_pose(points, skeleton: Skeleton, sigma=1.0, pixels_per_metre: float | No
         return x
 
     def solve(tilt: float):
-        return least_squares(residuals, start(tilt), x_scale="jac", xtol=1e-7, ftol=1e-7, max_nfev=MAX_EVALUATIONS)
+        return least_squares(
+            lambda x: residuals(x[None])[0], start(tilt), jacobian, x_scale="jac", xtol=1e-7, ftol=1e-7, max_nfev=MAX_EVALUATIONS
+        )
 
     best = solve(0.0)
     if best.cost > here.sum():  # worse than the points' own noise: try a torso that leans
         best = min(best, solve(0.4), key=lambda result: result.cost)
     x = best.x
-    space, scale = place(x), float(np.exp(x[0]))
+    space, scale = place(x[None])[0], float(np.exp(x[0]))
     space[~here & ~np.isin(np.arange(12), TORSO)] = np.nan
     stretched, ambiguous = {}, []
     for name, a, b, length in limbs:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -88,6 +89,15 @@ def test_a_second_run_computes_nothing_and_gives_the_same(done, folder, monkeypa
     assert (out / "fusion.json").read_bytes() == before
 
 
+def test_threads_change_nothing(done, folder, tmp_path, monkeypatch, quick):
+    files = []
+    for number in ("1", "3"):
+        monkeypatch.setenv("MFAR_THREADS", number)
+        fusion.fuse(folder, tmp_path / number)
+        files.append((tmp_path / number / "fusion.json").read_text())
+    assert files[0] == files[1]
+
+
 def test_another_setting_or_picture_is_computed_again_and_the_rest_is_not(folder, tmp_path, monkeypatch, quick):
     copy = fill(tmp_path / "copy")
     fusion.fuse(copy, tmp_path / "out")
@@ -125,7 +135,8 @@ fusion.fuse(sys.argv[1], sys.argv[2], progress=report)
 
 def test_a_killed_run_goes_on_with_the_pair_it_was_at(folder, tmp_path, monkeypatch, quick):
     root = Path(fusion.__file__).parents[2]
-    process = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(tmp_path / "out")], cwd=root, timeout=120)
+    alone = os.environ | {"MFAR_THREADS": "1"}  # several threads may have finished further pairs
+    process = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(tmp_path / "out")], cwd=root, timeout=120, env=alone)
     assert process.returncode == -signal.SIGKILL and not (tmp_path / "out" / "fusion.json").exists()
     calls = []
     true = fusion.match_pair
