@@ -17,6 +17,7 @@ from scipy.sparse.linalg import splu
 
 from mfar_fem.errors import InputError, MissingDependencyError
 from mfar_fem.solve.krylov import conjugate_gradients
+from mfar_fem.solve.pardiso import find_mkl
 
 METHODS = ("direct", "superlu", "pardiso", "amg", "auto")
 LOOSEST, TIGHTEST = 1e-2, 1e-8
@@ -215,6 +216,7 @@ def factorise(matrix: csc_matrix, ordering: str):
 
 @cache
 def _pardiso():
+    find_mkl()
     try:
         from pypardiso import PyPardisoSolver
     except (ImportError, OSError):

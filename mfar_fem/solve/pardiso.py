@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 import weakref
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -13,11 +15,23 @@ SYMMETRIC_INDEFINITE = -2
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33
 
 
+def find_mkl() -> None:
+    """Tell pypardiso where the MKL is, if it lies where pip puts it: else it walks through the whole environment, twice, for seconds."""
+    if "PYPARDISO_MKL_RT" in os.environ:
+        return
+    for folder in (Path(sys.prefix) / "lib", Path(sys.prefix) / "Library" / "bin"):
+        found = sorted(folder.glob("*mkl_rt*"), key=lambda path: len(path.name))
+        if found:
+            os.environ["PYPARDISO_MKL_RT"] = str(found[0])
+            return
+
+
 class SymmetricPardiso:
     """Factorisations of symmetric matrices that share the pattern of ``A``; only the upper triangle is used."""
 
     def __init__(self, A: csr_matrix):
         os.environ.setdefault("KMP_BLOCKTIME", "1")  # ms; MKL's idle threads would spin for 200 and hold up the element loops
+        find_mkl()
         from pypardiso import PyPardisoSolver
 
         self._indices, self._indptr = A.indices, A.indptr
