@@ -107,6 +107,7 @@ def study_keypoints(
     threads: Threads = 0,
     max_minutes: Budget = 0.0,
     augmentation: Changes = "paper",
+    start_from: Annotated[Path | None, typer.Option(help="A detector that every run begins with.")] = None,
     blazepose: Annotated[Path | None, typer.Option(help="pose_landmark_full.tflite, for an outside comparison.")] = None,
     as_json: Json = False,
 ) -> None:
@@ -123,6 +124,7 @@ def study_keypoints(
     steps = epochs * -(-sum(s.split == "train" for s in samples) // batch) * seeds * len(names)
     with progress("study", total=steps, quiet=as_json) as advance:
         payload = run(samples, folder, arms=names, seeds=seeds, settings=settings, knowledge=_graph(knowledge), blazepose=blazepose,
+                      start_from=start_from,
                       mask_boxes=(lambda some: [boxes[s.image_path] for s in some]) if known else None, progress=advance)
     emit(payload, as_json, _show_study)
 

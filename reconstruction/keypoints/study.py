@@ -76,6 +76,7 @@ def run(
     knowledge: Knowledge | None = None,
     mask_boxes: Callable[[Sequence[Sample]], Sequence[tuple[float, float, float, float]]] | None = None,
     blazepose: str | Path | None = None,
+    start_from: str | Path | None = None,
     replicates: int = 1000,
     progress: Callable[..., None] | None = None,
 ) -> dict[str, Any]:
@@ -97,6 +98,8 @@ def run(
         Boxes of the garments' masks, for the template baseline; without it boxes of the samples, or whole images.
     blazepose : path-like, optional
         Its weights, for the outside comparison on the points it has.
+    start_from : path-like, optional
+        A detector (or published weights) that every run begins with: what a term does to a network that can see already.
     progress : callable, optional
         ``progress(steps, description=...)`` after every batch.
 
@@ -109,31 +112,34 @@ def run(
     settings, out = settings or TrainSettings(), Path(out)
     out.mkdir(parents=True, exist_ok=True)
     training, validation, test = split(samples)
-    found: dict[str, list[Errors]] = {}
-    for arm in arms:
-        found[arm] = []
-        for seed in range(seeds):
+    found: dict[str, list[Errors]] = {arm: [] for arm in arms}
+    others = _baselines(training, test, mask_boxes)
+    fixed = {"constraints": constraint_rates(training, knowledge), "settings": settings.to_dict(),
+             "images": {"train": len(training), "validation": len(validation), "test": len(test)}}
+    result: dict[str, Any] = {}
+    for seed in range(seeds):  # all arms of a seed first: what is there at any time is paired
+        for arm in arms:
             folder = out / f"{arm}-seed{seed}"
             if not (folder / BEST).exists():
                 train(training, validation, folder, replace(settings, arm=arm, seed=seed), knowledge=knowledge, resume=True,
-                      progress=progress)
+                      start_from=start_from, progress=progress)
             predictions = Detector.load(folder / BEST).predict_samples(test)
             found[arm].append(errors(predictions.points, test, predictions.scale))
-    others = _baselines(training, test, mask_boxes)
+        result = _judge(found, others, replicates) | fixed | {"seeds": seed + 1}
+        _write(result, out)
+    if blazepose is not None:
+        result["rows"] += _outside(training, test, blazepose, found[arms[0]], replicates)
+        _write(result, out)
+    return result
+
+
+def _judge(found: dict[str, list[Errors]], others: dict[str, Errors], replicates: int) -> dict[str, Any]:
+    """Rows, differences and groups of the runs so far."""
     rows = [{"method": f"network, {arm}", "kind": "network", **summary(runs, replicates=replicates)} for arm, runs in found.items()]
     rows += [{"method": name, "kind": "baseline", **summary([e], replicates=replicates)} for name, e in others.items()]
-    if blazepose is not None:
-        rows += _outside(training, test, blazepose, found[arms[0]], replicates)
-    result = {
-        "rows": rows,
-        "differences": {arm: paired_difference(found[arms[0]], found[arm]) for arm in arms[1:]},
-        "groups": table(found[arms[0]], replicates),
-        "constraints": constraint_rates(training, knowledge),
-        "settings": settings.to_dict(), "seeds": seeds,
-        "images": {"train": len(training), "validation": len(validation), "test": len(test)},
-    }
-    _write(result, out)
-    return result
+    first, *rest = found
+    differences = {arm: paired_difference(found[first], found[arm]) for arm in rest}
+    return {"rows": rows, "differences": differences, "groups": table(found[first], replicates)}
 
 
 def _baselines(training, test, mask_boxes) -> dict[str, Errors]:
