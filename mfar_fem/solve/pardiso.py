@@ -16,7 +16,7 @@ ANALYSE, FACTORISE, SOLVE = 11, 22, 33
 
 
 def find_mkl() -> None:
-    """Tell pypardiso where the MKL is, if it lies where pip puts it: else it walks through the whole environment, twice, for seconds."""
+    """Tell pypardiso where the MKL is, if it lies where pip puts it: else it walks through the whole environment, for seconds."""
     if "PYPARDISO_MKL_RT" in os.environ:
         return
     for folder in (Path(sys.prefix) / "lib", Path(sys.prefix) / "Library" / "bin"):
