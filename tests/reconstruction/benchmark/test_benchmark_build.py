@@ -145,10 +145,10 @@ def test_damaged_indices_are_named(tmp_path):
 
 
 def test_a_failed_identity_is_reported_and_the_rest_is_made(small, tmp_path, monkeypatch):
-    def fails(root, identity, light, size, figure):
+    def fails(root, identity, *rest):
         if identity.name == "I0000":
             raise NotConvergedError("the drape flew apart")
-        return make(root, identity, light, size, figure)
+        return make(root, identity, *rest)
 
     make = store.make
     monkeypatch.setattr(store, "shots", lambda identity, pictures=0: shots(identity)[7:8])
@@ -166,7 +166,7 @@ def test_command_line_prints_one_json_object(small, monkeypatch):
     from reconstruction import cli_benchmark
 
     monkeypatch.setattr(store, "shots", one_of_each_style)
-    monkeypatch.setattr(build_module.build, "__defaults__", (70, 0, 1, False, SIZE, None, None))
+    monkeypatch.setattr(build_module.build, "__defaults__", (70, 0, 1, False, SIZE, None, 0, None))
     app = typer.Typer()
     app.command()(cli_benchmark.benchmark_data)
     result = CliRunner().invoke(app, ["--out", str(small[0]), "--identities", "1", "--seed", "5", "--json"])
