@@ -19,7 +19,7 @@ Batch = Annotated[int, typer.Option("--batch", min=2, help="Images a step.")]
 Rate = Annotated[float, typer.Option("--rate", help="Learning rate of Adam at the beginning.")]
 Sigma = Annotated[float, typer.Option(help="Of the heat maps, heat-map pixels (a quarter of the input's resolution).")]
 Weight = Annotated[float, typer.Option("--lambda", help="Weight of the knowledge term.")]
-Precision = Annotated[str, typer.Option(help="float32, or bfloat16 (faster on recent CPUs).")]
+Precision = Annotated[str, typer.Option(help="float32, bfloat16, or auto: what the processor computes faster.")]
 Threads = Annotated[int, typer.Option(min=0, help="Of torch; 0: its default. One is faster on a busy machine.")]
 Budget = Annotated[float, typer.Option("--max-minutes", min=0.0, help="End a run after this time; 0: never.")]
 Graph = Annotated[Path | None, typer.Option("--knowledge", help="Knowledge graph (Turtle); the shipped one by default.")]
@@ -103,7 +103,7 @@ def study_keypoints(
     sigma: Sigma = 3.0,
     weight: Weight = 0.8,
     knowledge: Graph = None,
-    precision: Precision = "bfloat16",
+    precision: Precision = "auto",
     threads: Threads = 0,
     max_minutes: Budget = 0.0,
     augmentation: Changes = "paper",
@@ -132,8 +132,9 @@ def study_keypoints(
 def _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes, **more):
     """The settings of a run; the rate drops where the paper's does, at 80 and 100 of 120 epochs."""
     from reconstruction.keypoints.hrnet import architecture
-    from reconstruction.keypoints.train import TrainSettings
+    from reconstruction.keypoints.train import TrainSettings, fast_precision
 
+    precision = fast_precision() if precision == "auto" else precision
     return TrainSettings(
         arch=architecture(arch), epochs=epochs, batch_size=batch, learning_rate=rate, sigma=sigma, knowledge_weight=weight,
         milestones=(round(epochs * 80 / 120), round(epochs * 100 / 120)), precision=precision, threads=threads,

@@ -1,0 +1,343 @@
+"""``mfar restore``: from a folder of pictures to a garment on a figure, settled by the solver, and its report.
+
+Everything after the template is in the wearer's axes (x to the left, y backwards, z up, origin in the middle of the neckline).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mfar_fem.errors import InputError
+from mfar_fem.materials.fabric import Fabric, fabric_names
+from reconstruction import images as pictures
+from reconstruction.keypoints_file import read_keypoints
+from reconstruction.landmarks import STATURE
+from reconstruction.restore.cache import Done, Stages
+from reconstruction.restore.drape import effort, settle, write_scene
+from reconstruction.shape.fit import FitSettings, fit_shape
+from reconstruction.shape.landmarks3d import triangulate
+from reconstruction.shape.points import sample
+from reconstruction.shape.simulation_mesh import simulation_mesh
+from reconstruction.sources import SourceSet, read
+from reconstruction.stereo.view import View
+from reconstruction.surface.triangles import TriangleMesh
+from reconstruction.template.dimensions import TDimensions, derive, garment_type, to_dict
+
+ORDER = ("fusion", "keypoints", "template", "points", "surface", "drape", "report")
+"""The stages."""
+REPORT = "report.html"
+
+
+@dataclass(frozen=True)
+class RestoreSettings:
+    """What can be set.
+
+    Attributes
+    ----------
+    garment : str
+        Type.
+    fabric : str
+        Preset, or a fabric file (such as ``mfar calibrate`` writes).
+    fidelity : str
+        ``draft``, ``standard`` or ``reference``: edges of the mesh and effort of the drape.
+    weights : str
+        Detector.
+    vote : str
+        Weights of the kinds of sources.
+    surface : str
+        ``template`` (the fitted pattern is the mesh) or ``poisson`` ((9): points to a new surface, the pattern lends its warp).
+    drape : bool
+        Settle the garment.
+    seed : int
+        Of the matching.
+    """
+
+    garment: str = "round-collar-robe"
+    fabric: str = "silk-charmeuse"
+    fidelity: str = "standard"
+    weights: str = "shipped"
+    vote: str = "precision"
+    surface: str = "template"
+    drape: bool = True
+    seed: int = 0
+
+    def __post_init__(self):
+        garment_type(self.garment)
+        effort(self.fidelity)
+        if self.surface not in ("template", "poisson"):
+            raise InputError(f"the surface is made from the template or by poisson, not by '{self.surface}'")
+
+
+def restore(
+    folder, out, settings: RestoreSettings | None = None, fresh: bool = False, progress: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """Restore a garment; stages that were finished before are taken as they are.
+
+    Parameters
+    ----------
+    folder : path-like
+        Of the sources; two pictures with cameras and masks at least.
+    out : path-like
+        A folder for every stage, and the report.
+    settings : RestoreSettings, optional
+    fresh : bool
+        Compute everything again.
+    progress : callable, optional
+        Told the name of each stage when it begins; at last None.
+
+    Returns
+    -------
+    dict
+        ``out``, ``report`` (path), ``stages`` (rows), ``facts`` by stage, ``seconds``, ``peak_MB``.
+
+    Raises
+    ------
+    InputError
+        Sources that cannot be restored, with what would be needed.
+    NotConvergedError
+        The drape failed; its folder holds what it had.
+    """
+    s = settings or RestoreSettings()
+    sources = read(folder)
+    calibrated = [source for source in sources.sources if source.camera is not None and source.mask is not None]
+    if len(calibrated) < 2:
+        raise InputError(
+            f"{sources.path}: a shape in space needs two pictures at least that have both 'camera' and 'mask'; "
+            f"{len(calibrated)} of {len(sources.sources)} have"
+        )
+    fabric = _fabric(s.fabric)
+    tell = progress or (lambda name: None)
+    stages = Stages(out, fresh)
+    files = [sources.path, *(p for x in sources.sources for p in (x.path, x.mask) if p is not None)]
+    cameras = [None if x.camera is None else x.camera.tolist() for x in sources.sources]
+
+    def run(name: str, version: int, work, **more) -> Done:
+        tell(name)
+        return stages.run(name, version, work, **more)
+
+    run("fusion", 1, lambda at: _fuse(sources, at, s), files=files, options={"seed": s.seed})
+    run("keypoints", 1, lambda at: _keypoints(sources, at, s), files=files, options=_weights(s.weights))
+    points_file = stages.done["keypoints"].folder / "keypoints.json"
+    run("template", 1, lambda at: _template(points_file, at, s), after=["keypoints"], options=[s.garment, s.vote])
+    dimensions = stages.done["template"].folder / "dimensions.json"
+    shape_settings = FitSettings(edge=effort(s.fidelity).edge)
+    run(
+        "points",
+        1,
+        lambda at: _points(sources, points_file, dimensions, at, shape_settings),
+        after=["keypoints", "template"],
+        files=files,
+        options=[cameras, repr(shape_settings)],
+    )
+    shape_file = stages.done["points"].folder / "shape.npz"
+    run(
+        "surface",
+        1,
+        lambda at: _surface(shape_file, at, s.surface, effort(s.fidelity).edge),
+        after=["points"],
+        options=[s.surface, s.fidelity],
+    )
+    if s.drape:
+        mesh = stages.done["surface"].folder
+        run(
+            "drape",
+            1,
+            lambda at: _drape(mesh, shape_file, at, s.fabric if fabric is None else str(fabric), s),
+            after=["surface", "points"],
+            files=[] if fabric is None else [fabric],
+            options=[s.fabric if fabric is None else "file", s.fidelity],
+            resumable=True,
+        )
+    from reconstruction.restore.pages import write_pages
+
+    run(
+        "report",
+        1,
+        lambda at: write_pages(sources, dict(stages.done), s, at),
+        after=list(stages.done),
+        options=repr(replace(s, weights="")),
+    )
+    tell("done")
+    rows = [d.row() for d in stages.done.values()]
+    return {
+        "out": Path(out),
+        "report": stages.done["report"].folder / REPORT,
+        "stages": rows,
+        "facts": {name: d.facts for name, d in stages.done.items()},
+        "seconds": sum(r["seconds"] for r in rows),
+        "peak_MB": max(r["peak_MB"] for r in rows),
+    }
+
+
+def _fabric(name: str) -> Path | None:
+    """The path of a fabric's file; None for a preset. Both are read, so that mistakes show at once."""
+    Fabric.load(name)
+    return None if name in fabric_names() else Path(name).resolve()
+
+
+def _weights(name: str) -> Any:
+    return name if name == "shipped" else Path(name)
+
+
+def _fuse(sources: SourceSet, at: Path, s: RestoreSettings) -> dict[str, Any]:
+    from reconstruction.matching.fusion import fuse
+    from reconstruction.matching.settings import MatchSettings
+    from reconstruction.measure.stage import measurements
+
+    fusion = fuse(sources.folder, at, MatchSettings(seed=s.seed), stages={"measurements": measurements})
+    return {"pictures": len(fusion.pictures), "statuses": fusion.graph.statuses(), "by_kinds": fusion.graph.by_kinds()}
+
+
+def _keypoints(sources: SourceSet, at: Path, s: RestoreSettings) -> dict[str, Any]:
+    from reconstruction.keypoints.locate import locate
+
+    found = locate([sources.folder], at, s.weights)
+    return {
+        "within_px_of_256x192": found["within_px_of_256x192"],
+        "points": {image["name"]: int(np.sum(image["present"])) for image in found["images"]},
+    }
+
+
+def _template(points: Path, at: Path, s: RestoreSettings) -> dict[str, Any]:
+    from reconstruction.template.pipeline import make_template, write_template
+
+    keypoints = read_keypoints(points)
+    made = make_template(keypoints, s.garment, weighting=s.vote)
+    write_template(at, made, keypoints.images)
+    dimensions = to_dict(made.dimensions)
+    (at / "dimensions.json").write_text(json.dumps({"garment": s.garment, "dimensions": dimensions}, indent=1), encoding="utf-8")
+    votes = {name: {"value_m": v.value, "sigma_m": v.sigma} for name, v in made.votes.items()}
+    return {
+        "dimensions": dimensions,
+        "assumed": made.assumed,
+        "votes": votes,
+        "conflicts": [c.to_dict() for c in made.conflicts],
+        "findings": [f"{f.level}: {f.where}: {f.message}" for f in made.findings],
+    }
+
+
+def read_dimensions(path: Path) -> tuple[str, Any]:
+    """Type and dimensions of ``dimensions.json``."""
+    stored = json.loads(path.read_text(encoding="utf-8"))
+    garment, values = stored["garment"], stored["dimensions"]
+    kind = type(derive(garment, {})[0])
+    if kind is TDimensions:
+        values["neckline"] = tuple(tuple(p) for p in values["neckline"])
+    return garment, kind(**values)
+
+
+def stature(sources: SourceSet) -> float:
+    """Mean height of the figures in the pictures, m; of a man's without any."""
+    known = [x.height for x in sources.sources if x.height is not None]
+    return float(np.mean(known)) if known else STATURE["male"]
+
+
+def calibrated_views(sources: SourceSet, keypoints) -> tuple[list[View], np.ndarray, np.ndarray]:
+    """Views with masks, their points (n, 12, 2) and standard deviations (n, 12), px."""
+    views, points, sigma = [], [], []
+    for source, image in zip(sources.sources, keypoints.images, strict=True):
+        if source.camera is not None and source.mask is not None:
+            mask = pictures.load(source.mask).rgb[..., 0] > 127
+            views.append(View.of(source.name, pictures.load(source.path).rgb, source.camera, mask))
+            points.append(image.points)
+            sigma.append(image.sigma)
+    return views, np.array(points), np.array(sigma)
+
+
+def _points(sources: SourceSet, points_file: Path, dimensions: Path, at: Path, settings: FitSettings) -> dict[str, Any]:
+    from reconstruction.restore.drawings import outlines_picture, support_picture
+
+    garment, d = read_dimensions(dimensions)
+    views, points, sigma = calibrated_views(sources, read_keypoints(points_file))
+    space = triangulate([v.camera for v in views], points, sigma)
+    shape = fit_shape(garment, d, space, views, stature(sources), settings)
+    local = shape.frame.to_body(shape.vertices)
+    found = sample(shape, local)
+    found.write(at)
+    figure = shape.body.mesh()
+    sewn = shape.sewn
+    np.savez_compressed(
+        at / "shape.npz",
+        vertices=local,
+        faces=sewn.faces,
+        panel=sewn.panel,
+        warp=sewn.warp_in_space(local),
+        sigma=shape.sigma,
+        source=shape.source,
+        figure_vertices=figure.vertices,
+        figure_faces=figure.faces,
+        origin=shape.frame.origin,
+        axes=shape.frame.axes,
+        **_openings(sewn.openings),
+    )
+    TriangleMesh(local, sewn.faces).write(at / "shape.ply")
+    outlines_picture(at / "outlines.png", views, shape)
+    support_picture(at / "support.png", TriangleMesh(local, sewn.faces), shape.source)
+    return {
+        "points": len(found.points),
+        "shares": found.shares(),
+        "landmarks_in_space": int(space.found.sum()),
+        "landmark_sigma_m": float(np.nanmedian(space.sigma)),
+        "sigma_median_m": float(np.median(found.sigma)),
+        "stature_m": stature(sources),
+        **shape.facts,
+    }
+
+
+def _openings(named) -> dict[str, Any]:
+    return {f"opening_{name}": ids for name, ids in named.items()}
+
+
+def _surface(shape_file: Path, at: Path, method: str, edge: float) -> dict[str, Any]:
+    from mfar_fem.surface.io import write_mesh
+    from reconstruction.restore.drawings import warp_picture
+    from reconstruction.surface.quality import quality
+
+    with np.load(shape_file) as stored:
+        shape = {key: stored[key] for key in stored}
+    made = simulation_mesh(shape, method, edge)
+    mesh = made.mesh
+    marks = {f"boundary_{name}": np.isin(np.arange(len(mesh.vertices)), ids).astype(float) for name, ids in made.openings.items()}
+    write_mesh(at / "garment.vtu", mesh.vertices, mesh.faces, marks, {"warp": made.warp.directions})
+    np.savez_compressed(
+        at / "mesh.npz",
+        vertices=mesh.vertices,
+        faces=mesh.faces,
+        warp=made.warp.directions,
+        prior=made.warp.prior,
+        **_openings(made.openings),
+    )
+    mesh.write(at / "garment.ply")
+    warp_picture(at / "warp.png", mesh, made.warp)
+    rows = [quality(TriangleMesh(shape["vertices"], shape["faces"]), "fitted"), quality(mesh, "for the solver")]
+    return {
+        "method": method,
+        "triangles": len(mesh.faces),
+        "quality": [r.to_dict() for r in rows],
+        "actions": list(made.actions),
+        "singularities": {str(k): v for k, v in made.warp.singular.items()},
+        "warp_flipped": made.warp.flipped,
+        "warp_prior_share": float(made.warp.prior.mean()),
+    }
+
+
+def _drape(mesh_folder: Path, shape_file: Path, at: Path, fabric: str, s: RestoreSettings) -> dict[str, Any]:
+    from mfar_fem.surface.mesh import Surface
+
+    with np.load(mesh_folder / "mesh.npz") as stored, np.load(shape_file) as shape:
+        names = {key.removeprefix("opening_"): stored[key] for key in stored if key.startswith("opening_")}
+        surface = Surface(stored["vertices"], stored["faces"], 1, stored["warp"], boundary=names)
+        figure = TriangleMesh(shape["figure_vertices"], shape["figure_faces"])
+    facts: dict[str, Any] = {}
+    if not (at / "figure.json").exists():
+        fitted = write_scene(at, surface, figure, fabric, s.fidelity, s.garment)
+        assert fitted is not None
+        (at / "figure.json").write_text(json.dumps(fitted.facts), encoding="utf-8")
+    facts |= {"figure": json.loads((at / "figure.json").read_text(encoding="utf-8"))}
+    return facts | settle(at, resume=True)

@@ -1,0 +1,83 @@
+"""The mesh that the shell takes: the fitted pattern itself, or a Poisson surface through its points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfar_fem.errors import SurfaceError
+from reconstruction.shape.untangle import untangle
+from reconstruction.shape.warp import WarpField, warp_field
+from reconstruction.surface.connectivity import boundary_loops
+from reconstruction.surface.triangles import TriangleMesh
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationMesh:
+    """A mesh without crossings, the warp on it, its free edges by name (vertex ids), and what was done."""
+
+    mesh: TriangleMesh
+    warp: WarpField
+    openings: dict[str, np.ndarray]
+    actions: tuple[str, ...]
+
+
+def simulation_mesh(shape: Mapping[str, np.ndarray], method: str = "template", edge: float = 0.025) -> SimulationMesh:
+    """Make a fitted shape fit for the solver.
+
+    Parameters
+    ----------
+    shape : mapping
+        ``vertices`` (nv, 3), ``faces`` (nf, 3), ``warp`` (nf, 3), ``sigma`` (nv,), and ``opening_*`` vertex ids.
+    method : str
+        ``template``: the pattern's own triangles; ``poisson``: a new surface ((9),
+        :func:`reconstruction.surface.pipeline.build_surface`) of edges `edge`, m, cut along the pattern's free edges.
+
+    Raises
+    ------
+    SurfaceError
+        Triangles still pass through each other, or a step of the Poisson surface failed.
+    """
+    fitted = TriangleMesh(shape["vertices"], shape["faces"])
+    actions: list[str] = []
+    openings = {key.removeprefix("opening_"): ids for key, ids in shape.items() if key.startswith("opening_")}
+    mesh = fitted
+    if method == "poisson":
+        mesh, openings = _poisson(fitted, shape["sigma"], edge, openings, actions)
+    loose = untangle(mesh)
+    if loose.before:
+        actions.append(
+            f"{loose.before} pairs of triangles passed through each other, {loose.after} do after smoothing around them; "
+            f"vertices moved {1e3 * loose.moved:.3g} mm at most"
+        )
+    if loose.after:
+        raise SurfaceError(
+            f"{loose.after} pairs of triangles of the garment still pass through each other after smoothing: try other "
+            "pictures or a coarser fidelity"
+        )
+    mesh = TriangleMesh(loose.vertices, mesh.faces)
+    centres = fitted.vertices[fitted.faces].mean(axis=1)
+    field = warp_field(mesh, centres, shape["warp"], reach=2 * edge, smoothing=0.5)
+    return SimulationMesh(mesh, field, openings, tuple(actions))
+
+
+def _poisson(fitted: TriangleMesh, sigma, edge: float, openings, actions: list[str]):
+    from scipy.spatial import cKDTree
+
+    from reconstruction.surface.pipeline import SurfaceSettings, build_surface
+
+    x, e, n = fitted.vertices, fitted.edges, fitted.vertex_normals
+    points = np.concatenate([x, x[e].mean(axis=1), x[fitted.faces].mean(axis=1)])
+    normals = np.concatenate([n, n[e].sum(axis=1), fitted.face_normals])
+    spread = np.concatenate([sigma, sigma[e].max(axis=1), sigma[fitted.faces].max(axis=1)])
+    curves = [x[loop] for loop in boundary_loops(fitted.faces)]
+    made = build_surface(points, normals, spread, curves, SurfaceSettings(edge=edge, adaptive=False))
+    actions += made.actions
+    rim = made.mesh.boundary_vertices
+    found = {}
+    for name, ids in openings.items():
+        distance = cKDTree(x[ids]).query(made.mesh.vertices[rim])[0]
+        found[name] = rim[distance < edge]
+    return made.mesh, found

@@ -1,0 +1,1 @@
+"""Depth from several calibrated pictures: plane sweep, semi-global smoothing, consistency, fusion."""
