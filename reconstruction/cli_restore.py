@@ -63,3 +63,59 @@ def _show(payload: Mapping[str, Any]) -> list[Any]:
     shares = payload["facts"]["points"]["shares"]
     seen = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items())
     return [table, f"surface supported by: {seen}", f"report: {payload['report']}"]
+
+
+def study_restore(
+    seeds: Annotated[int, typer.Option(min=1, help="Garments of each type.")] = 5,
+    first: Annotated[int, typer.Option(min=0, help="Seed of the first one.")] = 1,
+    types: Annotated[str, typer.Option(help="Types, with commas.")] = "round-collar-robe,half-sleeve",
+    methods: Annotated[str, typer.Option(help="Methods, with commas; all by default.")] = "",
+    edge: Annotated[str, typer.Option(help="Edges of the fitted mesh.")] = "30 mm",
+    out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; what it holds is kept.")] = Path("out/study-restore"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Restored shapes of synthetic garments against the truth, controls, oracles and multi-view stereo."""
+    import csv
+    import json
+
+    from mfar_fem import units
+    from mfar_fem.cli.console import jsonable
+    from mfar_fem.errors import UnknownNameError
+    from mfar_fem.tomlfile import suggest
+    from reconstruction.restore.study import METHODS, study
+    from reconstruction.template.dimensions import garment_type
+
+    garments = [garment_type(name.strip()) for name in types.split(",") if name.strip()]
+    chosen = [name.strip() for name in methods.split(",") if name.strip()] or list(METHODS)
+    for name in chosen:
+        if name not in METHODS:
+            raise UnknownNameError(f"unknown method '{name}'{suggest(name, METHODS)}")
+    folder = check_writable(out)
+    with progress("garments", total=seeds * len(garments), quiet=as_json) as advance:
+        payload = study(folder, garments, range(first, first + seeds), units.parse(edge, "m", name="--edge"), chosen, advance)
+    (folder / "study.json").write_text(json.dumps(jsonable(payload), indent=1) + "\n", encoding="utf-8")
+    for name in ("rows", "summary"):
+        columns = list(dict.fromkeys(key for row in payload[name] for key in row))
+        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.DictWriter(stream, columns, restval="")
+            writer.writeheader()
+            writer.writerows(payload[name])
+    emit(payload | {"out": folder}, as_json, _show_study)
+
+
+def _show_study(payload: Mapping[str, Any]) -> list[Any]:
+    from rich.table import Table
+
+    table = Table(title="Distance from the true surface, mm (95 % over the garments)")
+    for column in ("garment", "method", "both ways", "worse than restored by", "off", "missing", "rims", "largest", "failed", "s"):
+        table.add_column(column, justify="left" if column in ("garment", "method") else "right")
+    for r in payload["summary"]:
+        if "mean" not in r:
+            table.add_row(r["garment"], r["method"], *["-"] * 6, f"{r['failed']}/{r['cases']}", "-")
+            continue
+        worse = f"{r['worse_by']:+.1f} ({r['worse_by_low']:+.1f} to {r['worse_by_high']:+.1f})" if "worse_by" in r else ""
+        rim = "-" if r["rim_mean"] is None else f"{r['rim_mean']:.1f}"
+        table.add_row(r["garment"], r["method"], f"{r['mean']:.1f} ({r['mean_low']:.1f} to {r['mean_high']:.1f})", worse,
+                      f"{r['off_mean']:.1f}", f"{r['missing_mean']:.1f}", rim, f"{r['largest']:.0f}", f"{r['failed']}/{r['cases']}",
+                      f"{r['seconds']:.0f}")  # fmt: skip
+    return [table, f"written to {payload['out']}: rows.csv, summary.csv, study.json"]

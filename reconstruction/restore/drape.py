@@ -33,7 +33,7 @@ class Effort:
     dt: float
 
 
-EFFORT = {"draft": Effort(0.035, 1.0, 0.01), "standard": Effort(0.025, 0.6, 0.01), "reference": Effort(0.018, 1.0, 0.005)}
+EFFORT = {"draft": Effort(0.04, 0.6, 0.02), "standard": Effort(0.03, 0.6, 0.02), "reference": Effort(0.02, 1.0, 0.005)}
 """By level of fidelity. Steps are longer than the 2 ms of moving scenes: only where it comes to rest matters here."""
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from reconstruction.report.strokes import warp_strokes
 from reconstruction.shape.evidence import STRIDE, cast, draw
@@ -20,13 +21,13 @@ COLOURS = {"stereo": "#0072b2", "outline": "#009e73", "landmark": "#e69f00", "te
 _MARGIN = 12
 
 
-def _figure(columns: int, height: float = 4.6):
+def _figure(columns: int, height: float, rows: int = 1):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     fig = Figure(figsize=(3.0 * columns, height), layout="constrained")
     FigureCanvasAgg(fig)
-    return fig, np.atleast_1d(fig.subplots(1, columns))
+    return fig, np.ravel(fig.subplots(rows, columns))
 
 
 def outlines_picture(path: Path, views: Sequence[View], shape: Shape) -> None:
@@ -34,7 +35,12 @@ def outlines_picture(path: Path, views: Sequence[View], shape: Shape) -> None:
     mesh = shape.sewn.mesh(shape.vertices)
     local = shape.body.mesh()
     figure = TriangleMesh(shape.frame.to_world(local.vertices), local.faces)
-    fig, axes = _figure(len(views))
+    wide = min(3, len(views))
+    high = -(-len(views) // wide)
+    fig, axes = _figure(wide, 3.4 * high, high)
+    for ax in axes[len(views) :]:
+        ax.set_axis_off()
+    axes = axes[: len(views)]
     for ax, view in zip(axes, views, strict=True):
         drawn = draw(view, mesh, cast(view, figure)[1])
         ax.imshow(view.image)
@@ -60,7 +66,7 @@ def support_picture(path: Path, mesh: TriangleMesh, source) -> None:
     from matplotlib.lines import Line2D
 
     code = np.array([SOURCES.index(name) for name in source])[mesh.faces].max(axis=1)
-    fig, axes = _figure(2, 4.2)
+    fig, axes = _figure(2, 3.4)
     for ax, turn, name in zip(axes, (1.0, -1.0), ("front", "back"), strict=True):
         _paint(ax, mesh, np.array([_rgb(COLOURS[s]) for s in SOURCES])[code], turn)
         ax.set_title(name, fontsize=9)
@@ -73,17 +79,18 @@ def warp_picture(path: Path, mesh: TriangleMesh, warp: WarpField) -> None:
     """Front and back with strokes along the warp; singular vertices as dots."""
     from matplotlib.collections import LineCollection
 
-    fig, axes = _figure(2, 4.2)
+    fig, axes = _figure(2, 3.4)
     strokes = warp_strokes(mesh, warp.directions, 2500)
-    away = mesh.vertices.mean(axis=0)[1]
+    face = cKDTree(mesh.vertices[mesh.faces].mean(axis=1)).query(strokes.mean(axis=1))[1]
+    outwards = mesh.face_normals[face, 1]
     for ax, turn, name in zip(axes, (1.0, -1.0), ("front", "back"), strict=True):
         _paint(ax, mesh, np.tile(_rgb("#d8b98c"), (len(mesh.faces), 1)), turn)
-        near = strokes[turn * strokes[:, :, 1].mean(axis=1) < turn * away]
+        near = strokes[turn * outwards < 0]
         lines = near[:, :, [0, 2]] * (turn, 1.0)
         ax.add_collection(LineCollection(list(lines), colors="#333333", linewidths=0.4))
         for vertex in warp.singular:
             p = mesh.vertices[vertex]
-            if turn * p[1] < turn * away:
+            if turn * mesh.vertex_normals[vertex, 1] < 0:
                 ax.plot(turn * p[0], p[2], "o", ms=4, mfc="none", mec="#d55e00")
         ax.set_title(name, fontsize=9)
     fig.suptitle(f"warp; {len(warp.singular)} singular vertices", fontsize=9)

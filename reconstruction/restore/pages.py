@@ -13,6 +13,7 @@ from reconstruction.report.content import Cost, Evidence, Model, Picture, Report
 from reconstruction.report.strokes import warp_strokes
 from reconstruction.report.write import write_report
 from reconstruction.restore.cache import Done
+from reconstruction.restore.drape import FIGURE
 from reconstruction.sources import SourceSet
 from reconstruction.surface.triangles import TriangleMesh
 
@@ -53,6 +54,7 @@ def write_pages(sources: SourceSet, done: Mapping[str, Done], settings, at: Path
     if "drape" in done:
         settled = np.load(done["drape"].folder / "settled.npz")["nodes"][: len(mesh.vertices)]
         moved = np.linalg.norm(settled - mesh.vertices, axis=1)
+        figure = TriangleMesh.read(done["drape"].folder / FIGURE)
         models.append(
             Model(
                 "Settled",
@@ -100,11 +102,15 @@ def _summary(points, template, pictures: int, seconds: float) -> str:
             ("landmark", "by landmarks only"),
         )
     )
-    assumed = ", ".join(template["assumed"]) or "nothing"
+    assumed = _words(template["assumed"]) or "nothing"
     return (
         f"Restored from {pictures} pictures in {seconds:.0f} s. Of the surface {seen}; {100 * shares['template']:.0f} % is placed "
         f"by the template and the figure alone.\n\nAssumed of the cut: {assumed}."
     )
+
+
+def _words(names) -> str:
+    return ", ".join(name.replace("_", " ") for name in names)
 
 
 def _picture(path: Path, alt: str, caption: str) -> list[Picture]:
@@ -189,7 +195,7 @@ def _shape(facts, done: Mapping[str, Done]) -> Section:
 
 def _surface(facts, done: Mapping[str, Done]) -> Section:
     folder = done["surface"].folder
-    columns = list(facts["quality"][0])
+    columns = ["stage", "faces", "least_angle", "angle_1", "below_20", "largest_aspect", "degenerate"]
     rows = [[row[c] for c in columns] for row in facts["quality"]]
     notes = [*facts["actions"][:12], f"{len(facts['singularities'])} singular vertices of the warp field"]
     return Section(
@@ -238,9 +244,9 @@ def _evidence(points, template, surface) -> list[Evidence]:
         out.append(Evidence("surface", float(share), "prior" if name == "template" else "evidence", name))
     measured = [n for n in template["dimensions"] if n not in template["assumed"] and n != "neckline"]
     total = len([n for n in template["dimensions"] if n != "neckline"])
-    out.append(Evidence("dimensions of the cut", len(measured) / total, "evidence", ", ".join(measured)))
+    out.append(Evidence("dimensions of the cut", len(measured) / total, "evidence", _words(measured)))
     if len(measured) < total:
-        out.append(Evidence("dimensions of the cut", 1 - len(measured) / total, "prior", ", ".join(template["assumed"])))
+        out.append(Evidence("dimensions of the cut", 1 - len(measured) / total, "prior", _words(template["assumed"])))
     prior = float(surface["warp_prior_share"])
     out.append(
         Evidence(

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from reconstruction.libraries import optional
 from reconstruction.surface.triangles import TriangleMesh
@@ -70,7 +71,7 @@ class Mannequin:
         k1 = np.linalg.norm(q / (self.stature * np.array([wide, deep, high])), axis=1)
         out = np.minimum(out, k0 * (k0 - 1) / np.maximum(k1, 1e-9))
         for line, radii in self.arms:
-            out = np.minimum(out, _cones(np.asarray(points, dtype=float).reshape(-1, 3), line, radii))
+            _cones(np.ascontiguousarray(points, dtype=float).reshape(-1, 3), line, radii, out)
         return out
 
     def outwards(self, points, step: float = 1e-3) -> np.ndarray:
@@ -105,14 +106,21 @@ def _ellipse(x, y, a, b) -> np.ndarray:
     return np.where(k1 > 1e-9, k0 * (k0 - 1) / np.maximum(k1, 1e-9), -np.minimum(a, b))
 
 
-def _cones(points, line, radii) -> np.ndarray:
-    """Distance from a chain of capsules whose radius changes along them."""
-    out = np.full(len(points), np.inf)
-    for a, b, r, s in zip(line[:-1], line[1:], radii[:-1], radii[1:], strict=True):
-        along = b - a
-        t = np.clip((points - a) @ along / max(along @ along, 1e-12), 0, 1)
-        out = np.minimum(out, np.linalg.norm(points - a - t[:, None] * along, axis=1) - (r + t * (s - r)))
-    return out
+@njit(cache=True)
+def _cones(points, line, radii, out):  # pragma: no cover - compiled
+    """Lower `out` (n,) to the distance from a chain of capsules whose radius changes along them."""
+    for i in range(len(points)):
+        for k in range(len(line) - 1):
+            dot, length = 0.0, 1e-12
+            for c in range(3):
+                along = line[k + 1, c] - line[k, c]
+                dot += (points[i, c] - line[k, c]) * along
+                length += along * along
+            t = min(max(dot / length, 0.0), 1.0)
+            square = 0.0
+            for c in range(3):
+                square += (points[i, c] - line[k, c] - t * (line[k + 1, c] - line[k, c])) ** 2
+            out[i] = min(out[i], np.sqrt(square) - radii[k] - t * (radii[k + 1] - radii[k]))
 
 
 def mannequin(stature: float, folds: tuple[np.ndarray, ...], centre=(0.0, 0.0)) -> Mannequin:

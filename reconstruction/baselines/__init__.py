@@ -1,0 +1,1 @@
+"""What the reconstruction is compared with, given the same cameras and masks and nothing of the template."""

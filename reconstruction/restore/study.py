@@ -1,0 +1,186 @@
+"""How near restored shapes come to the truth of synthetic garments: the method, its controls, oracles, and multi-view stereo."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mfar_fem.errors import MfarError
+from reconstruction.baselines.mvs import mvs
+from reconstruction.keypoints_file import read_keypoints
+from reconstruction.restore.pipeline import calibrated_views, stature
+from reconstruction.shape.evidence import cast
+from reconstruction.shape.fit import FitSettings, fit_shape
+from reconstruction.shape.landmarks3d import SpacePoints, triangulate
+from reconstruction.shape.simulation_mesh import simulation_mesh
+from reconstruction.sources import read
+from reconstruction.style.bootstrap import mean_interval
+from reconstruction.surface.analytic import curve_distances, mesh_distance, sample_mesh
+from reconstruction.surface.connectivity import boundary_loops
+from reconstruction.surface.triangles import TriangleMesh
+from reconstruction.template.pipeline import make_template
+
+METHODS = {
+    "restored": "template, landmarks, outlines and stereo",
+    "template only": "template hung on the landmarks; no outline, no depth",
+    "outlines only": "the same with outlines, without depths",
+    "true points": "as restored, with the true landmarks (oracle)",
+    "true depth": "as restored, with the true depths of the same pictures (oracle)",
+    "poisson": "as restored, then (9) through its points, trimmed, remeshed, ARAP",
+    "MVS": "plane sweep, consistency, fusion, Poisson; no template",
+}
+"""What is compared."""
+SAMPLES = 20_000
+ORACLE_SIGMA = 1e-3
+"""Standard deviation given to oracles, m."""
+
+
+def distances(mesh: TriangleMesh, truth: TriangleMesh, seed: int = 0) -> dict[str, float]:
+    """Distances in mm of random points of each surface from the other (exact point to triangle), and of their rims.
+
+    ``mean`` is the mean of both directions' means; ``floor`` what two samplings of the *true* surface would differ by if points
+    were compared with points instead.
+    """
+    from scipy.spatial import cKDTree
+
+    rng = np.random.default_rng(seed)
+    ours, _ = sample_mesh(mesh, SAMPLES, rng)
+    theirs, _ = sample_mesh(truth, SAMPLES, rng)
+    again, _ = sample_mesh(truth, SAMPLES, rng)
+    off, missing = mesh_distance(ours, truth), mesh_distance(theirs, mesh)
+    out = {"mean": 0.5 * (off.mean() + missing.mean()), "off_mean": off.mean(), "off_median": np.median(off),
+           "off_95": np.percentile(off, 95), "missing_mean": missing.mean(), "missing_median": np.median(missing),
+           "missing_95": np.percentile(missing, 95), "largest": max(off.max(), missing.max()),
+           "floor": cKDTree(again).query(theirs)[0].mean()}  # fmt: skip
+    loops = [[m.vertices[c] for c in boundary_loops(m.faces)] for m in (mesh, truth)]
+    if all(loops):
+        out["rim_mean"] = curve_distances(*loops).mean()
+    return {name: 1e3 * float(value) for name, value in out.items()}
+
+
+def compare(
+    folder: Path, detected: Path, garment: str, edge: float, methods: Sequence[str] = tuple(METHODS)
+) -> list[dict[str, Any]]:
+    """Rows of one case of ``mfar benchmark-case``: ``method``, distances in mm, ``seconds``; ``why`` where a method failed."""
+    sources, points = read(folder), read_keypoints(detected)
+    views, pixels, sigma = calibrated_views(sources, points)
+    with np.load(folder / "truth" / "geometry.npz") as stored:
+        truth = TriangleMesh(stored["vertices"], stored["faces"])
+        true_points = SpacePoints(stored["keypoints"], np.full(12, ORACLE_SIGMA), np.full(12, len(views)))
+    dimensions = make_template(points, garment, weighting="precision").dimensions
+    found = triangulate([v.camera for v in views], pixels, sigma)
+    exact = {}
+    for view in views:
+        _, depth, _ = cast(view, truth, 1)
+        exact[view.name] = (np.where(np.isfinite(depth), depth, np.nan), np.full(view.size, ORACLE_SIGMA))
+    settings = {
+        "template only": FitSettings(edge=edge, outlines=False, depths=False),
+        "outlines only": FitSettings(edge=edge, depths=False),
+    }
+    rows, fitted = [], None
+    for method in methods:
+        begin = time.perf_counter()
+        row: dict[str, Any] = {"garment": garment, "method": method}
+        try:
+            if method == "MVS":
+                mesh = mvs(views).mesh
+            elif method == "poisson" and fitted is not None:
+                mesh = _poisson(fitted, edge)
+            else:
+                shape = fit_shape(garment, dimensions, true_points if method == "true points" else found, views, stature(sources),
+                                  settings.get(method, FitSettings(edge=edge)),
+                                  given=exact if method == "true depth" else None)  # fmt: skip
+                mesh = shape.sewn.mesh(shape.vertices)
+                if method == "restored":
+                    fitted = shape
+            seconds = time.perf_counter() - begin
+            rows.append(row | distances(mesh, truth) | {"seconds": seconds, "why": ""})
+        except MfarError as error:
+            rows.append(row | {"seconds": time.perf_counter() - begin, "why": str(error)})
+    return rows
+
+
+def _poisson(shape, edge: float) -> TriangleMesh:
+    known = {
+        "vertices": shape.vertices,
+        "faces": shape.sewn.faces,
+        "warp": shape.sewn.warp_in_space(shape.vertices),
+        "sigma": shape.sigma,
+    }
+    return simulation_mesh(known, "poisson", edge).mesh
+
+
+def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float = 0.03, methods: Sequence[str] = tuple(METHODS),
+          progress: Callable[[], None] | None = None) -> dict[str, Any]:  # fmt: skip
+    """Cases of several garments and seeds, kept in ``out`` and gone on with, and what came of them.
+
+    Returns
+    -------
+    dict
+        ``rows`` (:func:`compare`, with ``seed``), ``summary`` (by garment and method: mean distance with its 95 % interval over the
+        seeds, and the difference to ``restored`` with its paired interval).
+    """
+    from reconstruction.benchmark.case import make_case
+    from reconstruction.keypoints.locate import FILE, locate
+
+    rows: list[dict[str, Any]] = []
+    for seed in seeds:
+        for garment in garments:
+            folder = out / "cases" / f"{garment}-{seed}"
+            if not (folder / "sources.toml").exists():
+                make_case(folder, garment, seed)
+            points = out / "keypoints" / folder.name
+            if not (points / FILE).exists():
+                locate([folder], points, garment=garment)
+            kept = out / "rows" / f"{folder.name}.json"
+            known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
+            known = [row for row in known if row["edge_mm"] == 1e3 * edge]
+            missing = [m for m in methods if m not in {row["method"] for row in known}]
+            if missing:
+                if "poisson" in missing and "restored" not in missing:
+                    missing = ["restored", *missing]
+                    known = [row for row in known if row["method"] != "restored"]
+                more = compare(folder, points / FILE, garment, edge, missing)
+                known += [{"seed": seed, "edge_mm": 1e3 * edge} | row for row in more]
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                kept.write_text(json.dumps(known, indent=1), encoding="utf-8")
+            rows += [row for row in known if row["method"] in methods]
+            if progress is not None:
+                progress()
+    return {"rows": rows, "summary": summary(rows)}
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """By garment and method: means over the seeds with 95 % intervals, and paired differences to ``restored``, mm."""
+    out = []
+    for garment in dict.fromkeys(row["garment"] for row in rows):
+        base = {
+            row["seed"]: row["mean"] for row in rows if row["garment"] == garment and row["method"] == "restored" and not row["why"]
+        }
+        for method in dict.fromkeys(row["method"] for row in rows if row["garment"] == garment):
+            mine = [row for row in rows if row["garment"] == garment and row["method"] == method]
+            good = [row for row in mine if not row["why"]]
+            entry: dict[str, Any] = {"garment": garment, "method": method, "cases": len(mine), "failed": len(mine) - len(good)}
+            if good:
+                seeds = np.array([row["seed"] for row in good])
+                entry |= _interval("mean", [row["mean"] for row in good], seeds)
+                for name in ("off_mean", "off_median", "missing_mean", "missing_95", "largest", "rim_mean", "floor", "seconds"):
+                    values = [row[name] for row in good if name in row]
+                    entry[name] = float(np.mean(values)) if values else None
+                paired = [row for row in good if row["seed"] in base]
+                if method != "restored" and paired:
+                    entry |= _interval(
+                        "worse_by", [row["mean"] - base[row["seed"]] for row in paired], np.array([r["seed"] for r in paired])
+                    )
+            out.append(entry)
+    return out
+
+
+def _interval(name: str, values: Sequence[float], groups: np.ndarray) -> dict[str, float]:
+    found = mean_interval(np.asarray(values), groups)
+    return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
