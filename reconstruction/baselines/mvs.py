@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from mfar_fem.errors import InputError
 from reconstruction.stereo.consistency import TOLERANCE, consistent, fuse
@@ -44,34 +45,47 @@ class MvsResult:
     facts: dict[str, Any]
 
 
-def around(views: Sequence[View]) -> np.ndarray:
-    """Corners (8, 3), m, of a box about what the masks show: the point their middles see, as wide as they are there.
+def around(views: Sequence[View], cells: int = 48) -> np.ndarray:
+    """Corners (8, 3), m, of a box about what all masks together leave room for, found on a coarse grid.
 
     Raises
     ------
     InputError
-        An empty mask, or fewer than two views.
+        An empty mask, fewer than two views, or masks that leave no room.
     """
     if len(views) < 2:
         raise InputError(f"stereo needs two views with cameras at least; there are {len(views)}")
-    rows, sides = [], []
+    rows, sizes = [], []
     for view in views:
         pixels = np.argwhere(view.mask)[:, ::-1]
         if not len(pixels):
             raise InputError(f"the mask of '{view.name}' is empty")
-        ray = view.rays(pixels.mean(axis=0))
+        ray = view.rays(0.5 * (pixels.min(axis=0) + pixels.max(axis=0)))
         ray = ray / np.linalg.norm(ray)
         across = np.eye(3) - np.outer(ray, ray)
         rows.append((across, across @ view.centre))
-        sides.append((view, np.ptp(pixels, axis=0)))
-    middle = np.linalg.solve(sum(a for a, _ in rows), sum(b for _, b in rows))
-    reach = []
-    for view, size in sides:
+        sizes.append(np.ptp(pixels, axis=0) + 1)
+    middle = np.linalg.solve(sum(a for a, _ in rows), sum(b for _, b in rows))  # nearest to the rays through the masks' middles
+    half = 0.0
+    for view, size in zip(views, sizes, strict=True):
         pixel, depth = view.project(middle)
-        corner = view.rays(pixel + 0.5 * size) - view.rays(pixel)
-        reach.append(depth * np.abs(np.linalg.norm(corner)))
-    half = 0.5 * max(reach)  # of the diagonal: a garment is not as deep as it is wide and high together
-    return middle + half * np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+        ways = [view.rays(pixel + 0.5 * size * axis) - view.rays(pixel) for axis in np.eye(2)]
+        half = max(half, *(float(depth * np.linalg.norm(way)) for way in ways))
+    line = 1.1 * half * np.linspace(-1, 1, cells)
+    grid = middle + np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
+    room = np.ones(len(grid), dtype=bool)
+    for view in views:
+        pixels, depth = view.project(grid)
+        cell = (line[1] - line[0]) * np.sqrt(abs(np.linalg.det(view.camera[:, :3]))) / np.median(depth)
+        near = distance_transform_edt(~view.mask) <= cell
+        x, y = (np.rint(pixels[:, i]).astype(int) for i in (0, 1))
+        inside = (depth > 0) & (x >= 0) & (y >= 0) & (x < view.size[1]) & (y < view.size[0])
+        room[inside] &= near[y[inside], x[inside]]
+        room &= inside
+    if not room.any():
+        raise InputError("the masks leave no room in common: do cameras and masks belong together?")
+    low, high = grid[room].min(axis=0), grid[room].max(axis=0)
+    return np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
 def mvs(views: Sequence[View], settings: MvsSettings | None = None, progress: Callable[[int], None] | None = None) -> MvsResult:
@@ -93,17 +107,17 @@ def mvs(views: Sequence[View], settings: MvsSettings | None = None, progress: Ca
     """
     s = settings or MvsSettings()
     clock = time.perf_counter()
+    seen = {v.name: [o for o in views if o is not v and np.arccos(np.clip(o.axis @ v.axis, -1, 1)) < ANGLE] for v in views}
+    if len(views) > 1 and sum(bool(others) for others in seen.values()) < 2:
+        raise InputError("no two views look from less than 60 degrees apart: there is nothing to compare")
     box = around(views)
     maps: list[DepthMap] = []
     for view in views:
-        others = [o for o in views if o is not view and np.arccos(np.clip(o.axis @ view.axis, -1, 1)) < ANGLE]
-        if others:
+        if others := seen[view.name]:
             base, offsets = planes(view, box, others, margin=0.0, pixels=s.step)
             maps.append(sweep(view, others, base, offsets, s.window, s.least))
         if progress is not None:
             progress(1)
-    if len(maps) < 2:
-        raise InputError("no two views look from less than 60 degrees apart: there is nothing to compare")
     agreed = consistent(maps, s.tolerance)
     points, normals, sigma = fuse(agreed, s.voxel)
     base_surface = poisson_surface(points, normals, sigma)
