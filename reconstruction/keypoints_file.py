@@ -176,7 +176,7 @@ def _relative(path: Path, base: Path) -> str:
     try:
         return path.resolve().relative_to(base.resolve()).as_posix()
     except ValueError:
-        return str(path)
+        return str(path.resolve())  # what is relative to the working directory means nothing to who reads the file later
 
 
 class _Entry:

@@ -39,6 +39,7 @@ SHORT_HELP = {
     "fuse": "Images of sources: check them, correct the light, match every pair, measure and vote.",
     "keypoints": "Find the twelve structural points of the garment in images.",
     "template": "Cutting template of a straight-cut garment from keypoints: SVG, DXF, JSON at true scale.",
+    "restore": "From pictures with cameras to a garment on a figure, settled by the solver, and its report.",
     "style": "Give images the colours and textures of another source.",
     "benchmark-data": "Make the synthetic benchmark: garments, bodies, images in three styles, and the truth.",
     "benchmark-case": "Make ten pictures of one synthetic garment as a folder of sources, with the truth apart.",

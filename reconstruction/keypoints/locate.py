@@ -74,6 +74,11 @@ def locate(
     if progress is not None:
         progress(0, total=len(entries))
     loaded = [pictures.load(path) for path, _, _ in entries]
+    for (path, _, known), image in zip(entries, loaded, strict=True):
+        mask = known.get("mask")
+        if mask is not None and (size := pictures.load(mask).size) != image.size:
+            w, h = image.size
+            raise InputError(f"the mask '{mask}' has {size[0]} x {size[1]} px, its picture '{path.name}' {w} x {h}")
     detector = Detector.load(weights)
     detector.flip = flip
     folder = check_writable(folder)

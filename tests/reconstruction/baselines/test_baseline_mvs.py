@@ -52,4 +52,4 @@ def test_too_little_is_named():
         mvs([front, back])
     empty = View(front.name, front.image, front.camera, np.zeros_like(front.mask))
     with pytest.raises(InputError, match="mask of 'ball 0' is empty"):
-        mvs([empty, back])
+        mvs([empty, scene.ball(20)[0]])
