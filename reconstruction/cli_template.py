@@ -16,7 +16,7 @@ KEYPOINTS = "keypoints.json"
 
 def template(
     keypoints: Annotated[Path, typer.Argument(help="Keypoints file (JSON), or a folder with keypoints.json.")],
-    out_dir: Annotated[Path, typer.Option("--out", help="Folder for the template, the tables and the overview.")],
+    out_dir: Annotated[Path, typer.Option("--out", "-o", help="Folder for the template, the tables and the overview.")],
     garment: Annotated[
         str | None, typer.Option("--type", help="round-collar-robe, half-sleeve, flying-ribbon, veil-hat; else what the file says.")
     ] = None,

@@ -41,7 +41,7 @@ def measure_ribbon(image: ImageKeypoints) -> list[Measurement]:
         log.warning("%s: a ribbon is measured on the mask of a textile laid flat only; nothing measured here", image.name)
         return []
     scale = image_scale(image)
-    sides = smallest_rectangle(contour(read_mask(image.mask)))
+    sides = smallest_rectangle(contour(read_mask(image.mask, image.size)))
     return [_measurement(name, length, CONTOUR_SIGMA * np.sqrt(2), scale, image, "smallest rectangle")
             for name, length in zip(("ribbon_length", "ribbon_width"), sides, strict=True)]
 
@@ -69,7 +69,7 @@ def measure_hat(image: ImageKeypoints) -> list[Measurement]:
         drop = float(np.linalg.norm(np.mean(neck, axis=0) - np.mean(hem, axis=0)))
         found.append(_measurement("veil_length", drop, spread, scale, image, "points"))
     if image.mask is not None:
-        local = garment_frame(points, image.path).coordinates(contour(read_mask(image.mask)))
+        local = garment_frame(points, image.path).coordinates(contour(read_mask(image.mask, image.size)))
         up = crossings(local, (0.0, 0.0), (0.0, -1.0))
         if len(up) and up[-1] > 0:
             sigma = float(np.hypot(spread, CONTOUR_SIGMA))

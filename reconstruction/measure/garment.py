@@ -95,7 +95,7 @@ def measure_image(image: ImageKeypoints, scale: Scale | None = None, skeleton: S
     scale = scale or image_scale(image)
     polygon = None
     if image.mask is not None:
-        polygon = contour(read_mask(image.mask))
+        polygon = contour(read_mask(image.mask, image.size))
         _check_inside(image, polygon)
     frame = garment_frame(image.points, image.path, polygon)
     seen = _from_points(image)

@@ -10,13 +10,19 @@ SMOOTHING = 0.8
 """Standard deviation of the Gaussian that smooths a binary mask before its 0.5 level is traced, px."""
 
 
-def read_mask(path) -> np.ndarray:
+def read_mask(path, size: tuple[int, int] | None = None) -> np.ndarray:
     """Read a mask image as boolean array: non-zero is garment; of several channels the first, of an alpha channel alpha.
+
+    Parameters
+    ----------
+    path : path-like
+    size : (int, int), optional
+        Width and height of the picture that it belongs to.
 
     Raises
     ------
     DataFileError
-        It cannot be read, or is empty.
+        It cannot be read, is empty, or has another size than its picture.
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -25,6 +31,8 @@ def read_mask(path) -> np.ndarray:
             data = np.asarray(image.getchannel("A") if "A" in image.getbands() else image.convert("L"))
     except (OSError, UnidentifiedImageError) as error:
         raise DataFileError(f"cannot be read as an image: {error}", path=path) from error
+    if size is not None and data.shape != (size[1], size[0]):
+        raise DataFileError(f"is a mask of {data.shape[1]} x {data.shape[0]} px; its picture has {size[0]} x {size[1]}", path=path)
     mask = data > 127 if data.max(initial=0) > 1 else data > 0
     if not mask.any():
         raise DataFileError("is empty: no pixel is garment", path=path)

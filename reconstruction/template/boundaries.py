@@ -65,7 +65,7 @@ def find_boundaries(image: ImageKeypoints, metres_per_pixel: float, tolerance: f
     """
     pieces: dict[str, np.ndarray] = {}
     if image.mask is not None:
-        polygon = contour(read_mask(image.mask))
+        polygon = contour(read_mask(image.mask, image.size))
         pieces |= _pieces(image.points, garment_frame(image.points, image.path, polygon), polygon)
     pieces |= {name: np.asarray(points) for name, points in image.curves.items()}
     found = []

@@ -1,6 +1,7 @@
 """The keypoints file: what is written is read again; what is wrong is named."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -116,3 +117,15 @@ def test_a_key_of_any_value_is_read_or_refused(tmp_path, key, value):
         read_keypoints(tmp_path / "k.json")
     except DataFileError as error:
         assert "images[0]" in str(error)
+
+
+def test_a_file_written_with_relative_paths_is_read_from_anywhere(tmp_path, monkeypatch):
+    """Pictures outside the file's folder: what is relative to the working directory would be looked for beside the file."""
+    (tmp_path / "case").mkdir()
+    (tmp_path / "found").mkdir()
+    monkeypatch.chdir(tmp_path)
+    image = ImageKeypoints.of("case/robe.png", "mural", np.full((12, 2), 5.0), mask=Path("case/mask.png"))
+    write_keypoints(Path("found/keypoints.json"), KeypointsFile((image,)))
+    monkeypatch.chdir(tmp_path / "found")
+    (again,) = read_keypoints("keypoints.json").images
+    assert again.path.resolve() == tmp_path / "case" / "robe.png" and again.mask.resolve() == tmp_path / "case" / "mask.png"

@@ -96,3 +96,11 @@ def test_seen_from_behind_down_is_where_single_points_or_the_contour_lie():
     assert garment_frame(points).down[1] < 0  # nothing tells
     robe = np.array([(30, 20), (30, 150), (70, 150), (70, 20)], float)
     np.testing.assert_allclose(garment_frame(points, polygon=robe).down, (0, 1), atol=1e-12)
+
+
+def test_a_mask_of_another_size_is_refused(tmp_path):
+    path = tmp_path / "mask.png"
+    Image.fromarray(np.full((30, 20), 255, dtype=np.uint8)).save(path)
+    assert read_mask(path, (20, 30)).all()
+    with pytest.raises(DataFileError, match=r"mask.png.*mask of 20 x 30 px; its picture has 40 x 60"):
+        read_mask(path, (40, 60))
