@@ -63,7 +63,7 @@ def fit_isotonic(score, correct, prior: float = 1.0) -> Isotonic:
         while len(blocks) > 1 and blocks[-2][0] * blocks[-1][1] >= blocks[-1][0] * blocks[-2][1]:
             last = blocks.pop()
             blocks[-1] = [a + b for a, b in zip(blocks[-1], last, strict=True)]
-    x = np.array([b[2] / b[1] for b in blocks])
+    x = np.maximum.accumulate([b[2] / b[1] for b in blocks])  # means of equal scores differ in the last digit
     y = np.maximum.accumulate([(b[0] + prior) / (b[1] + 2.0 * prior) for b in blocks])
     return Isotonic(tuple(x.tolist()), tuple(y.tolist()))
 

@@ -189,11 +189,25 @@ def planes(view: View, points, others: Sequence[View], margin: float = 0.1, pixe
         Beyond them, part of their extent in depth.
     pixels : float
         Movement in the other views from one plane to the next.
+
+    Raises
+    ------
+    InputError
+        No other view, an empty mask, points that are not before the camera, or no parallax.
     """
+    if not others:
+        raise InputError(f"there is no other view to compare '{view.name}' with")
+    if not view.mask.any():
+        raise InputError(f"the mask of '{view.name}' is empty")
     depth = view.project(points)[1]
     low, high = depth.min(), depth.max()
+    if not low > 0:
+        raise InputError(f"what is looked for reaches {-low:.3g} m behind the camera of '{view.name}'")
     extra = margin * max(high - low, 1e-6)
     middle = 0.5 * (low + high)
-    step = pixels / max(view.parallax(other, middle) for other in others)
+    parallax = max(view.parallax(other, middle) for other in others)
+    if not parallax > 1e-6:
+        raise InputError(f"'{view.name}' and the others look from the same place: depth moves nothing")
+    step = pixels / parallax
     n = int(np.ceil((high - low + 2 * extra) / 2 / step))
     return float(middle), step * np.arange(-n, n + 1)

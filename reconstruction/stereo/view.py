@@ -46,7 +46,7 @@ class View:
         Raises
         ------
         InputError
-            Shapes that do not belong together.
+            Shapes that do not belong together, or a camera without a centre.
         """
         image = np.asarray(image)
         if image.ndim == 2:
@@ -60,6 +60,10 @@ class View:
         camera = np.asarray(camera, dtype=float)
         if camera.shape != (3, 4):
             raise InputError(f"view '{name}': a camera is a 3x4 matrix, not {camera.shape}")
+        if not np.isfinite(camera).all():
+            raise InputError(f"view '{name}': the numbers of its camera are not all finite")
+        if np.linalg.matrix_rank(camera[:, :3] / np.abs(camera[:, :3]).max(axis=1, keepdims=True).clip(1e-300), tol=1e-9) < 3:
+            raise InputError(f"view '{name}': the left 3x3 block of its camera is singular: it would have no centre in space")
         scale = np.linalg.norm(camera[2, :3]) * np.sign(np.linalg.det(camera[:, :3]))
         return cls(name, pixels, camera / scale, seen)
 
