@@ -18,9 +18,6 @@ from reconstruction.surface.poisson import poisson_surface
 from reconstruction.surface.triangles import TriangleMesh
 from reconstruction.surface.trimming import trim_by_distance
 
-ANGLE = np.radians(60.0)
-"""Views whose axes differ by more are not compared."""
-
 
 @dataclass(frozen=True)
 class MvsSettings:
@@ -65,7 +62,10 @@ def around(views: Sequence[View], cells: int = 48) -> np.ndarray:
         across = np.eye(3) - np.outer(ray, ray)
         rows.append((across, across @ view.centre))
         sizes.append(np.ptp(pixels, axis=0) + 1)
-    middle = np.linalg.solve(sum(a for a, _ in rows), sum(b for _, b in rows))  # nearest to the rays through the masks' middles
+    matrix = sum(a for a, _ in rows)
+    if np.linalg.cond(matrix) > 1e8:
+        raise InputError("all views look along one line: their masks bound nothing along it")
+    middle = np.linalg.solve(matrix, sum(b for _, b in rows))  # nearest to the rays through the masks' middles
     half = 0.0
     for view, size in zip(views, sizes, strict=True):
         pixel, depth = view.project(middle)
@@ -107,13 +107,13 @@ def mvs(views: Sequence[View], settings: MvsSettings | None = None, progress: Ca
     """
     s = settings or MvsSettings()
     clock = time.perf_counter()
-    seen = {v.name: [o for o in views if o is not v and np.arccos(np.clip(o.axis @ v.axis, -1, 1)) < ANGLE] for v in views}
-    if len(views) > 1 and sum(bool(others) for others in seen.values()) < 2:
+    seen = [view.neighbours(views) for view in views]
+    if len(views) > 1 and not any(seen):
         raise InputError("no two views look from less than 60 degrees apart: there is nothing to compare")
     box = around(views)
     maps: list[DepthMap] = []
-    for view in views:
-        if others := seen[view.name]:
+    for view, others in zip(views, seen, strict=True):
+        if others:
             base, offsets = planes(view, box, others, margin=0.0, pixels=s.step)
             maps.append(sweep(view, others, base, offsets, s.window, s.least))
         if progress is not None:

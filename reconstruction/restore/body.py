@@ -88,7 +88,7 @@ def fit_body(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing:
         raise SurfaceError("nothing of the figure is left inside the garment: are both in metres and in one place?")
     v, t, _, _ = measure.marching_cubes(field, 0.0, spacing=(spacing,) * 3)
     mesh = TriangleMesh(v + low, np.asarray(t, dtype=np.int64))
-    mesh = _largest_pieces(_outwards(mesh))
+    mesh = _largest_pieces(mesh.outwards())
     gap = float(np.sqrt(igl.point_mesh_squared_distance(mesh.vertices, cloth.vertices, cloth.faces)[0]).min())
     depth = np.asarray(igl.signed_distance(mesh.vertices, body.vertices, body.faces, _sign(igl))[0])
     return FittedBody(mesh, 1.0 - inside / before, float((depth < -spacing).mean()), gap)
@@ -97,12 +97,6 @@ def fit_body(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing:
 def _sign(igl):
     """Sign by winding number: right for slightly broken meshes too."""
     return igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER
-
-
-def _outwards(mesh: TriangleMesh) -> TriangleMesh:
-    """Oriented so that its volume is positive."""
-    volume = np.einsum("fi,fi->", mesh.vertices[mesh.faces].mean(axis=1), mesh.area_vectors) / 3.0
-    return mesh if volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
 def _largest_pieces(mesh: TriangleMesh, least: float = 0.01) -> TriangleMesh:

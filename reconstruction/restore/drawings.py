@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.report.strokes import warp_strokes
-from reconstruction.shape.evidence import STRIDE, cast, draw
+from reconstruction.shape.evidence import STRIDE, Caster, draw
 from reconstruction.shape.fit import Shape
 from reconstruction.shape.points import SOURCES
 from reconstruction.shape.warp import WarpField
@@ -37,12 +37,13 @@ def outlines_picture(path: Path, views: Sequence[View], shape: Shape) -> None:
     figure = TriangleMesh(shape.frame.to_world(local.vertices), local.faces)
     wide = min(3, len(views))
     high = -(-len(views) // wide)
+    garment, body = Caster(mesh), Caster(figure)
     fig, axes = _figure(wide, 3.4 * high, high)
     for ax in axes[len(views) :]:
         ax.set_axis_off()
     axes = axes[: len(views)]
     for ax, view in zip(axes, views, strict=True):
-        drawn = draw(view, mesh, cast(view, figure)[1])
+        drawn = draw(view, garment, body.cast(view)[1])
         ax.imshow(view.image)
         h, w = drawn.outer.shape
         x, y = STRIDE * np.arange(w), STRIDE * np.arange(h)

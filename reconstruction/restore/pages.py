@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -124,7 +123,7 @@ def _sources(sources: SourceSet, done: Mapping[str, Done]) -> Section:
     ]
     fusion = done["fusion"]
     statuses = ", ".join(f"{n} {name}" for name, n in fusion.facts["statuses"].items())
-    kinds = [[*(str(v) for v in _kind(row))] for row in fusion.facts["by_kinds"]]
+    kinds = [list(row.values()) for row in fusion.facts["by_kinds"]]
     tables = [Table(["picture", "kind", "figure", "camera", "mask", "licence"], rows, "Sources")]
     if kinds:
         tables.append(Table(list(fusion.facts["by_kinds"][0]), kinds, "Matches by kinds of pictures"))
@@ -134,10 +133,6 @@ def _sources(sources: SourceSet, done: Mapping[str, Done]) -> Section:
         _picture(fusion.folder / "graph.png", "The pictures and which of them match", "Match graph"),
         tables,
     )
-
-
-def _kind(row: Mapping[str, Any]) -> list[object]:
-    return [f"{v:.3g}" if isinstance(v, float) else ("–" if v is None else v) for v in row.values()]
 
 
 def _keypoints(done: Mapping[str, Done]) -> Section:
@@ -153,12 +148,12 @@ def _keypoints(done: Mapping[str, Done]) -> Section:
 
 def _template(facts, done: Mapping[str, Done]) -> Section:
     rows = [
-        [name, value if isinstance(value, float) else json.dumps(value), "assumed" if name in facts["assumed"] else "measured"]
+        [name.replace("_", " "), value, "assumed" if name in facts["assumed"] else "measured"]
         for name, value in facts["dimensions"].items()
         if name != "neckline"
     ]
     notes = [
-        f"{c['name']}: {c['first']} and {c['second']} disagree by {c['z']:.1f} standard deviations" for c in facts["conflicts"][:12]
+        f"{c['name']}: {c['first']} and {c['second']} disagree by {c['z']:.1f} standard deviations" for c in facts["conflicts"]
     ]
     return Section(
         "Cutting template",
@@ -173,7 +168,7 @@ def _shape(facts, done: Mapping[str, Done]) -> Section:
     folder = done["points"].folder
     rows = [[name, 100 * share] for name, share in facts["shares"].items()]
     outline = [
-        [name, 100 * v, 1e3 * facts["depth_m"][name] if facts["depth_m"].get(name) is not None else None]
+        [name, 100 * v, None if (left := facts["depth_m"].get(name)) is None else 1e3 * left]
         for name, v in facts["outline"].items()
     ]
     belt = f"Taken to be belted; gathered to {100 * facts['gathered']:.0f} % of its girth." if facts["belt"] else "No belt."

@@ -18,6 +18,7 @@ from mfar_fem.materials.fabric import Fabric, fabric_names
 from reconstruction import images as pictures
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.landmarks import STATURE
+from reconstruction.measure.silhouette import read_mask
 from reconstruction.restore.cache import Done, Stages
 from reconstruction.restore.drape import effort, settle, write_scene
 from reconstruction.shape.fit import FitSettings, fit_shape
@@ -32,6 +33,8 @@ from reconstruction.template.dimensions import TDimensions, derive, garment_type
 ORDER = ("fusion", "keypoints", "template", "points", "surface", "drape", "report")
 """The stages."""
 REPORT = "report.html"
+RESTORED = ("round-collar-robe", "half-sleeve")
+"""Types of garments whose shape can be fitted."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,8 @@ class RestoreSettings:
     seed: int = 0
 
     def __post_init__(self):
-        garment_type(self.garment)
+        if garment_type(self.garment) not in RESTORED:
+            raise InputError(f"a {self.garment} cannot be restored yet; {' and '.join(RESTORED)} can")
         effort(self.fidelity)
         if self.surface not in ("template", "poisson"):
             raise InputError(f"the surface is made from the template or by poisson, not by '{self.surface}'")
@@ -89,7 +93,7 @@ def restore(
     fresh : bool
         Compute everything again.
     progress : callable, optional
-        Told the name of each stage when it begins; at last None.
+        Told the name of each stage when it begins; at last 'done'.
 
     Returns
     -------
@@ -121,7 +125,7 @@ def restore(
         tell(name)
         return stages.run(name, version, work, **more)
 
-    run("fusion", 1, lambda at: _fuse(sources, at, s), files=files, options={"seed": s.seed})
+    run("fusion", 1, lambda at: _fuse(sources, at, s), files=files, options={"seed": s.seed, "cameras": cameras})
     run("keypoints", 1, lambda at: _keypoints(sources, at, s), files=files, options=_weights(s.weights))
     points_file = stages.done["keypoints"].folder / "keypoints.json"
     run("template", 1, lambda at: _template(points_file, at, s), after=["keypoints"], options=[s.garment, s.vote])
@@ -161,6 +165,7 @@ def restore(
         1,
         lambda at: write_pages(sources, dict(stages.done), s, at),
         after=list(stages.done),
+        files=[sources.path],
         options=repr(replace(s, weights="")),
     )
     tell("done")
@@ -243,8 +248,8 @@ def calibrated_views(sources: SourceSet, keypoints) -> tuple[list[View], np.ndar
     views, points, sigma = [], [], []
     for source, image in zip(sources.sources, keypoints.images, strict=True):
         if source.camera is not None and source.mask is not None:
-            mask = pictures.load(source.mask).rgb[..., 0] > 127
-            views.append(View.of(source.name, pictures.load(source.path).rgb, source.camera, mask))
+            picture = pictures.load(source.path)
+            views.append(View.of(source.name, picture.rgb, source.camera, read_mask(source.mask, picture.size)))
             points.append(image.points)
             sigma.append(image.sigma)
     return views, np.array(points), np.array(sigma)

@@ -14,7 +14,7 @@ from mfar_fem.errors import MfarError
 from reconstruction.baselines.mvs import mvs
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.restore.pipeline import calibrated_views, stature
-from reconstruction.shape.evidence import cast
+from reconstruction.shape.evidence import Caster
 from reconstruction.shape.fit import FitSettings, fit_shape
 from reconstruction.shape.landmarks3d import SpacePoints, triangulate
 from reconstruction.shape.simulation_mesh import simulation_mesh
@@ -74,14 +74,19 @@ def compare(
         true_points = SpacePoints(stored["keypoints"], np.full(12, ORACLE_SIGMA), np.full(12, len(views)))
     dimensions = make_template(points, garment, weighting="precision").dimensions
     found = triangulate([v.camera for v in views], pixels, sigma)
-    exact = {}
+    exact, caster = {}, Caster(truth)
     for view in views:
-        _, depth, _ = cast(view, truth, 1)
+        _, depth, _ = caster.cast(view, 1)
         exact[view.name] = (np.where(np.isfinite(depth), depth, np.nan), np.full(view.size, ORACLE_SIGMA))
     settings = {
         "template only": FitSettings(edge=edge, outlines=False, depths=False),
         "outlines only": FitSettings(edge=edge, depths=False),
     }
+
+    def fit(method: str):
+        return fit_shape(garment, dimensions, true_points if method == "true points" else found, views, stature(sources),
+                         settings.get(method, FitSettings(edge=edge)), given=exact if method == "true depth" else None)  # fmt: skip
+
     rows, fitted = [], None
     for method in methods:
         begin = time.perf_counter()
@@ -89,12 +94,12 @@ def compare(
         try:
             if method == "MVS":
                 mesh = mvs(views).mesh
-            elif method == "poisson" and fitted is not None:
+            elif method == "poisson":
+                fitted = fitted or fit("restored")
+                begin = time.perf_counter()  # of what it adds
                 mesh = _poisson(fitted, edge)
             else:
-                shape = fit_shape(garment, dimensions, true_points if method == "true points" else found, views, stature(sources),
-                                  settings.get(method, FitSettings(edge=edge)),
-                                  given=exact if method == "true depth" else None)  # fmt: skip
+                shape = fit(method)
                 mesh = shape.sewn.mesh(shape.vertices)
                 if method == "restored":
                     fitted = shape
@@ -137,14 +142,10 @@ def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float 
             points = out / "keypoints" / folder.name
             if not (points / FILE).exists():
                 locate([folder], points, garment=garment)
-            kept = out / "rows" / f"{folder.name}.json"
+            kept = out / "rows" / f"{folder.name}-{1e3 * edge:g}mm.json"
             known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
-            known = [row for row in known if row["edge_mm"] == 1e3 * edge]
             missing = [m for m in methods if m not in {row["method"] for row in known}]
             if missing:
-                if "poisson" in missing and "restored" not in missing:
-                    missing = ["restored", *missing]
-                    known = [row for row in known if row["method"] != "restored"]
                 more = compare(folder, points / FILE, garment, edge, missing)
                 known += [{"seed": seed, "edge_mm": 1e3 * edge} | row for row in more]
                 kept.parent.mkdir(parents=True, exist_ok=True)

@@ -62,26 +62,25 @@ class Cloth:
         self._g = np.concatenate([-(inverse[:, :1] + inverse[:, 1:2]), inverse], axis=1)
         self.vertex_area = np.zeros(len(self.x))
         np.add.at(self.vertex_area, sewn.faces.ravel(), np.repeat(self.area / 3, 3))
-        self._stiffness = self._membrane() + self._bending()
+        self.laplacian = self._laplacian()
+        self._stiffness = self.s.membrane * self.laplacian + self.bending(self.laplacian)
         self._weight = np.full(len(self.x), -1.0)
         self._solve: Any = None
 
-    def _pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        return np.repeat(self.sewn.faces, 3, axis=1).ravel(), np.tile(self.sewn.faces, (1, 3)).ravel()
-
-    def _membrane(self) -> csc_matrix:
-        local = self.s.membrane * self.area[:, None, None] * np.einsum("fai,fbi->fab", self._g, self._g)
-        return coo_matrix((local.ravel(), self._pairs()), shape=(len(self.x),) * 2).tocsc()
-
-    def _bending(self) -> csc_matrix:
-        """Bending of isometric surfaces, M. Wardetzky et al., Computer Aided Geometric Design 24 (2007) 499, with the Laplacian of
-        the flat panels; free edges bend for nothing."""
+    def _laplacian(self) -> csc_matrix:
+        """Stiffness matrix of the Laplacian of the flat panels."""
+        faces, n = self.sewn.faces, len(self.x)
         local = self.area[:, None, None] * np.einsum("fai,fbi->fab", self._g, self._g)
-        laplace = coo_matrix((local.ravel(), self._pairs()), shape=(len(self.x),) * 2).tocsr()
+        pairs = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
+        return coo_matrix((local.ravel(), pairs), shape=(n, n)).tocsc()
+
+    def bending(self, laplacian: csc_matrix) -> csc_matrix:
+        """Bending of isometric surfaces, M. Wardetzky et al., Computer Aided Geometric Design 24 (2007) 499; free edges bend for
+        nothing."""
         inner = np.ones(len(self.x))
         for ids in self.sewn.openings.values():
             inner[ids] = 0.0
-        return (self.s.bending * laplace.T @ diags(inner / self.vertex_area) @ laplace).tocsc()
+        return (self.s.bending * laplacian.T @ diags(inner / self.vertex_area) @ laplacian).tocsc()
 
     def deformation(self, x=None) -> np.ndarray:
         """Deformation gradients (nf, 3, 2)."""

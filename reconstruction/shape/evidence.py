@@ -32,9 +32,32 @@ STRIDE = 2
 """Every so many pixels are drawn."""
 
 
+class Caster:
+    """A mesh that rays are cast at, from any number of views."""
+
+    def __init__(self, mesh: TriangleMesh):
+        trimesh = optional("trimesh", "drawing a mesh needs")
+        embree = optional("trimesh.ray.ray_pyembree", "drawing a mesh needs")
+        self.mesh = mesh
+        self._embree = embree.RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
+
+    def cast(self, view: View, stride: int = STRIDE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """First triangles of the view's rays (-1: none), their depths (m; inf) and the sign of normal times ray, (h, w) each."""
+        rays = view.grid_rays()[::stride, ::stride]
+        shape, rays = rays.shape[:2], rays.reshape(-1, 3)
+        hit = np.asarray(self._embree.intersects_first(np.broadcast_to(view.centre, rays.shape), rays))
+        there = np.flatnonzero(hit >= 0)
+        normal, corner = self.mesh.area_vectors[hit[there]], self.mesh.vertices[self.mesh.faces[hit[there], 0]]
+        facing = np.einsum("ni,ni->n", normal, rays[there])
+        depth, sign = np.full(len(rays), np.inf), np.zeros(len(rays))
+        depth[there] = np.einsum("ni,ni->n", normal, corner - view.centre) / np.where(np.abs(facing) > 1e-15, facing, np.inf)
+        sign[there] = np.sign(facing)
+        return hit.reshape(shape), depth.reshape(shape), sign.reshape(shape)
+
+
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A mesh as a view sees it, every :data:`STRIDE` pixels.
+    """A garment as a view sees it, every :data:`STRIDE` pixels.
 
     Attributes
     ----------
@@ -51,37 +74,64 @@ class Drawn:
     outer: np.ndarray
 
 
-def draw(view: View, mesh: TriangleMesh, figure: np.ndarray | None = None, stride: int = STRIDE) -> Drawn:
-    """Ray-cast a garment into a view.
+def draw(view: View, garment: Caster, figure: np.ndarray | None = None, stride: int = STRIDE) -> Drawn:
+    """Draw a garment.
 
     Parameters
     ----------
     figure : (h, w) array, optional
-        Depths of the figure at the same pixels (:func:`cast`); it hides what lies more than :data:`THICK` behind it. A figure that
-        comes through the cloth by less is wrong about itself.
+        Depths of the figure at the same pixels (:meth:`Caster.cast`); it hides what lies more than :data:`THICK` behind it. A
+        figure that comes through the cloth by less is wrong about itself.
     """
-    hit, depth, facing = cast(view, mesh, stride)
+    hit, depth, facing = garment.cast(view, stride)
     if figure is not None:
         hidden = figure + THICK < depth
-        hit, depth = np.where(hidden, -1, hit), np.minimum(depth, np.where(hidden, figure, np.inf))
+        hit, depth = np.where(hidden, -1, hit), np.where(hidden, figure, depth)
     return Drawn(depth, hit, (hit >= 0) & (facing < 0))
 
 
-def cast(view: View, mesh: TriangleMesh, stride: int = STRIDE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First triangles of the view's rays (-1: none), their depths (m; inf) and the sign of normal times ray, (h, w) each."""
-    trimesh = optional("trimesh", "drawing a mesh needs")
-    embree = optional("trimesh.ray.ray_pyembree", "drawing a mesh needs")
-    caster = embree.RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
-    rays = view.grid_rays()[::stride, ::stride]
-    shape = rays.shape[:2]
-    rays = rays.reshape(-1, 3)
-    hit = np.asarray(caster.intersects_first(np.broadcast_to(view.centre, rays.shape), rays))
-    a, b, c = (mesh.vertices[mesh.faces[np.maximum(hit, 0), i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
-    facing = np.einsum("ni,ni->n", normal, rays)
-    depth = np.einsum("ni,ni->n", normal, a - view.centre) / np.where(np.abs(facing) > 1e-12, facing, np.inf)
-    depth = np.where(hit >= 0, depth, np.inf)
-    return hit.reshape(shape), depth.reshape(shape), np.sign(facing).reshape(shape)
+class Outline:
+    """A view's mask every :data:`STRIDE` pixels, with the nearest pixel of it everywhere."""
+
+    def __init__(self, view: View):
+        self.mask = view.mask[::STRIDE, ::STRIDE]
+        self.away, self.nearest = distance_transform_edt(~self.mask, return_indices=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The vertices of a cloth in a view.
+
+    Attributes
+    ----------
+    visible : (nv,) bool array
+    facing : (nv,) array
+        Cosine between the outer normal and the way to the camera.
+    pixels : (nv, 2) array
+    depth : (nv,) array
+        m.
+    """
+
+    visible: np.ndarray
+    facing: np.ndarray
+    pixels: np.ndarray
+    depth: np.ndarray
+
+
+def seen(view: View, drawn: Drawn, mesh: TriangleMesh) -> Seen:
+    """Which vertices a view sees, and where."""
+    pixels, depth = view.project(mesh.vertices)
+    i, j = _cells(pixels, drawn.depth.shape)
+    inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] <= view.size[1] - 1) & (pixels[:, 1] <= view.size[0] - 1) & (depth > 0)
+    way = view.centre - mesh.vertices
+    facing = np.einsum("ni,ni->n", mesh.vertex_normals, way / np.linalg.norm(way, axis=1)[:, None])
+    return Seen(inside & (depth <= drawn.depth[i, j] + HIDDEN), facing, pixels, depth)
+
+
+def _cells(pixels, shape, stride: int = STRIDE) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of pixels (n, 2) in an array of every so many, the nearest where they lie outside."""
+    i, j = (np.clip(np.rint(pixels[:, k] / stride), 0, n - 1).astype(int) for k, n in ((1, shape[0]), (0, shape[1])))
+    return i, j
 
 
 class Targets:
@@ -112,16 +162,8 @@ class Targets:
         return self._sum / np.where(self.weight > 0, self.weight, 1.0)[:, None]
 
 
-def seen(view: View, drawn: Drawn, vertices, stride: int = STRIDE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which vertices a view sees, with their pixels (nv, 2) and depths (nv,)."""
-    pixels, depth = view.project(vertices)
-    h, w = drawn.depth.shape
-    i, j = (np.clip(np.rint(pixels[:, k] / stride), 0, n - 1).astype(int) for k, n in ((1, h), (0, w)))
-    inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] <= view.size[1] - 1) & (pixels[:, 1] <= view.size[0] - 1) & (depth > 0)
-    return inside & (depth <= drawn.depth[i, j] + HIDDEN), pixels, depth
-
-
-def outline_targets(targets: Targets, view: View, drawn: Drawn, cloth: Cloth, reach: float = 40.0, stride: int = STRIDE) -> float:
+def outline_targets(targets: Targets, view: View, outline: Outline, drawn: Drawn, at: Seen, cloth: Cloth,
+                    reach: float = 40.0) -> float:  # fmt: skip
     """Draw a shape's outline to a mask's: what sticks out goes in, and where it falls short its rim goes out.
 
     Parameters
@@ -134,53 +176,37 @@ def outline_targets(targets: Targets, view: View, drawn: Drawn, cloth: Cloth, re
     float
         Share of the union of both areas that only one of them covers.
     """
-    mask, mine = view.mask[::stride, ::stride], drawn.outer
+    mask, mine = outline.mask, drawn.outer
     if not mask.any() or not mine.any():
         return 1.0
-    visible, pixels, depth = seen(view, drawn, cloth.x, stride)
-    facing = _facing(view, cloth)
-    away, (row, column) = distance_transform_edt(~mask, return_indices=True)
-    h, w = mask.shape
-    i, j = (np.clip(np.rint(pixels[:, k] / stride), 0, n - 1).astype(int) for k, n in ((1, h), (0, w)))
-    out = np.flatnonzero(visible & (facing > 0) & (away[i, j] * stride > 1.0) & (away[i, j] * stride < reach))
-    goal = stride * np.stack([column[i[out], j[out]], row[i[out], j[out]]], axis=1).astype(float)
-    _pull(targets, view, cloth, out, pixels[out], goal, depth[out])
+    i, j = _cells(at.pixels, mask.shape)
+    away = STRIDE * outline.away[i, j]
+    out = np.flatnonzero(at.visible & (at.facing > 0) & (away > 1.0) & (away < reach))
+    row, column = outline.nearest[:, i[out], j[out]]
+    _pull(targets, view, cloth, at, out, STRIDE * np.stack([column, row], axis=1).astype(float))
     short, (row, column) = distance_transform_edt(~mine, return_indices=True)
-    bare_i, bare_j = np.nonzero(mask & ~mine & (short * stride < reach) & (short * stride > 1.0))
+    bare_i, bare_j = np.nonzero(mask & ~mine & (STRIDE * short < reach) & (STRIDE * short > 1.0))
     if len(bare_i):
         from_i, from_j = row[bare_i, bare_j], column[bare_i, bare_j]
-        way = stride * np.stack([bare_j - from_j, bare_i - from_i], axis=1).astype(float)
+        way = np.repeat(STRIDE * np.stack([bare_j - from_j, bare_i - from_i], axis=1).astype(float), 3, axis=0)
         ids = cloth.sewn.faces[drawn.face[from_i, from_j]].ravel()
-        way = np.repeat(way, 3, axis=0)
         order = np.argsort(np.linalg.norm(way, axis=1))  # the longest way of a vertex is the last one written
         longest = np.zeros((len(cloth.x), 2))
         longest[ids[order]] = way[order]
         ids = np.unique(ids)
-        _pull(targets, view, cloth, ids, pixels[ids], pixels[ids] + longest[ids], depth[ids])
+        _pull(targets, view, cloth, at, ids, at.pixels[ids] + longest[ids])
     return float((mask ^ mine).sum() / (mask | mine).sum())
 
 
-def _pull(targets: Targets, view: View, cloth: Cloth, ids, pixels, goal, depth) -> None:
-    """Targets across the line of sight."""
-    sigma = OUTLINE_SIGMA * depth / _focal(view)
-    places = cloth.x[ids] + depth[:, None] * (view.rays(goal) - view.rays(pixels))
+def _pull(targets: Targets, view: View, cloth: Cloth, at: Seen, ids, goal) -> None:
+    """Targets across the line of sight, at pixels `goal` (k, 2)."""
+    depth = at.depth[ids]
+    sigma = OUTLINE_SIGMA * depth / np.sqrt(abs(np.linalg.det(view.camera[:, :3])))  # pixels for the tangent of an angle
+    places = cloth.x[ids] + depth[:, None] * (view.rays(goal) - view.rays(at.pixels[ids]))
     targets.add("outline", ids, places, FIRM * cloth.vertex_area[ids] * (SIGMA / sigma) ** 2)
 
 
-def _focal(view: View) -> float:
-    """Pixels for the tangent of an angle: geometric mean of both axes."""
-    m = view.camera[:, :3]
-    return float(np.sqrt(abs(np.linalg.det(m))))
-
-
-def _facing(view: View, cloth: Cloth) -> np.ndarray:
-    """Cosine between the outer normal of each vertex and the way to the camera."""
-    way = view.centre - cloth.x
-    normals = cloth.sewn.mesh(cloth.x).vertex_normals
-    return np.einsum("ni,ni->n", normals, way / np.linalg.norm(way, axis=1)[:, None])
-
-
-def depth_targets(targets: Targets, found: DepthMap, drawn: Drawn, cloth: Cloth, gate: float) -> float:
+def depth_targets(targets: Targets, found: DepthMap, at: Seen, cloth: Cloth, gate: float) -> float | None:
     """Draw vertices along the line of sight to measured depths.
 
     Parameters
@@ -190,21 +216,17 @@ def depth_targets(targets: Targets, found: DepthMap, drawn: Drawn, cloth: Cloth,
 
     Returns
     -------
-    float
-        Median absolute difference of the vertices that have a depth, m; NaN without any.
+    float or None
+        Median absolute difference of the vertices that have a depth, m; None without any.
     """
-    view = found.view
-    visible, pixels, depth = seen(view, drawn, cloth.x)
-    facing = _facing(view, cloth)
-    ids = np.flatnonzero(visible & (facing > 0.2))
-    measured, sigma = _about(found, pixels[ids])
-    difference = measured - depth[ids]
-    there = np.isfinite(measured)
-    good = there & (np.abs(difference) < gate)
+    ids = np.flatnonzero(at.visible & (at.facing > 0.2))
+    measured, sigma = _about(found, at.pixels[ids])
+    difference = measured - at.depth[ids]
+    good = np.abs(difference) < gate  # not where nothing was measured
     ids, difference, sigma = ids[good], difference[good], sigma[good]
-    places = cloth.x[ids] + difference[:, None] * view.rays(pixels[ids])
-    targets.add("stereo", ids, places, FIRM * cloth.vertex_area[ids] * facing[ids] * (SIGMA / np.maximum(sigma, 1e-3)) ** 2)
-    return float(np.median(np.abs(difference))) if len(difference) else float("nan")
+    places = cloth.x[ids] + difference[:, None] * found.view.rays(at.pixels[ids])
+    targets.add("stereo", ids, places, FIRM * cloth.vertex_area[ids] * at.facing[ids] * (SIGMA / np.maximum(sigma, 1e-3)) ** 2)
+    return float(np.median(np.abs(difference))) if len(difference) else None
 
 
 def _about(found: DepthMap, pixels, half: int = 3, least: int = 5) -> tuple[np.ndarray, np.ndarray]:

@@ -6,11 +6,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from mfar_fem.errors import InputError
 from reconstruction.landmarks import INDEX
+from reconstruction.measure.ellipse import perimeter
 from reconstruction.shape.cloth import Cloth, ClothSettings
-from reconstruction.shape.evidence import FIRM, SIGMA, STRIDE, Targets, cast, depth_targets, draw, landmark_targets, outline_targets
+from reconstruction.shape.evidence import (
+    FIRM,
+    SIGMA,
+    STRIDE,
+    Caster,
+    Outline,
+    Targets,
+    depth_targets,
+    draw,
+    landmark_targets,
+    outline_targets,
+    seen,
+)  # fmt: skip
 from reconstruction.shape.frame import BodyFrame, body_frame
 from reconstruction.shape.landmarks3d import SpacePoints
 from reconstruction.shape.mannequin import Mannequin, mannequin
@@ -19,9 +33,6 @@ from reconstruction.shape.sewn import BACK, FRONT, Sewn, sew
 from reconstruction.stereo.sweep import DepthMap, sweep
 from reconstruction.stereo.view import View
 from reconstruction.template.dimensions import Dimensions, TDimensions
-
-ANGLE = np.radians(60.0)
-"""Views whose axes differ by more are not compared with each other."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +48,6 @@ class FitSettings:
     depth: int = 25
     outlines: bool = True
     depths: bool = True
-    landmarks: bool = True
     cloth: ClothSettings = field(default_factory=ClothSettings)
 
 
@@ -94,7 +104,7 @@ def fit_shape(
         Of the wearer, m.
     settings : FitSettings, optional
     progress : callable, optional
-        ``progress(1)`` after each step; there are ``hang + outline + depth``.
+        ``progress(1)`` after each step; there are ``hang + outline + depth`` at most.
     given : mapping of str to (depth, sigma), optional
         Depths (h, w) by view's name and their standard deviations, m, in place of stereo (a scanner's, or an oracle's).
 
@@ -111,103 +121,105 @@ def fit_shape(
     views = [View(v.name, v.image, frame.camera(v.camera), v.mask) for v in views]
     places = frame.to_body(points.points)
     lines = folds(places, dimensions, stature)
-    shoulders = [line[min(1, len(line) - 1)] for line in lines]
-    body = mannequin(
-        stature, tuple(line[1:] if len(line) > 2 else line for line in lines), (0.0, np.mean([p[1] for p in shoulders]))
-    )
-    where = body.centre
+    middle = np.mean([line[min(1, len(line) - 1)][1] for line in lines])
+    body = mannequin(stature, tuple(line[1:] if len(line) > 2 else line for line in lines), (0.0, middle))
     sewn = sew(garment, dimensions, s.edge)
     start = place_tunic(sewn, dimensions, lines, body)
     belted = garment in BELTED
     gathered = gathering(dimensions, places) if belted else 1.0
-    cloth = Cloth(sewn, start, None, replace(s.cloth, compressed=min(s.cloth.compressed, max(gathered, LEAST_GATHERED))))
     belt = _belt(sewn, dimensions, places) if belted else np.zeros(0, dtype=int)
+    known = _known(sewn, dimensions, places, points.sigma, stature)
+    cloth = Cloth(sewn, start, None, replace(s.cloth, compressed=min(s.cloth.compressed, max(gathered, LEAST_GATHERED))))
     top = np.where((sewn.layer < 0) & (sewn.uv[:, 1] < 1e-9), 20.0, 0.0)
     for _ in range(10):  # out of the worst distortion, weightless and through the figure
         cloth.step(top, start, 0.0)
     cloth.body, cloth.velocity = body, np.zeros_like(cloth.x)
-    known = _known(sewn, dimensions, places, points.sigma, stature)
-    for _ in range(s.hang):
+
+    def asked() -> Targets:
         targets = Targets(len(cloth.x))
         landmark_targets(targets, known)
-        _tighten(targets, cloth, body, belt)
+        _tighten(targets, cloth, belt)
+        return targets
+
+    targets = asked()
+    for _ in range(s.hang):
+        targets = asked()
         cloth.step(targets.weight, targets.places)
         tick(1)
     facts: dict = {"outline": {}, "depth_m": {}, "gathered": gathered, "belt": bool(len(belt))}
+    outlines = [Outline(view) for view in views]
     hidden = _depths(body, views)
-    targets = Targets(len(cloth.x))
-    depths: list[DepthMap] = []
+    depths: dict[str, DepthMap] = {}
     early = s.outline if s.outlines else 0
     for k in range(early + (s.depth if s.depths else 0)):
         if k == early:
-            depths = depth_maps(cloth, views, body) if given is None else _given(views, given)
-            cloth.body = body = _withdrawn(body, depths)
-            hidden = _depths(body, views)
-            facts["figure_moved_m"] = float(body.centre[1] - where[1])
-        targets = Targets(len(cloth.x))
-        if s.landmarks:
-            landmark_targets(targets, known)
-        _tighten(targets, cloth, body, belt)
-        drawn = [draw(v, sewn.mesh(cloth.x), f) for v, f in zip(views, hidden, strict=True)]
-        if s.outlines:
-            for v, d in zip(views, drawn, strict=True):
-                facts["outline"][v.name] = outline_targets(targets, v, d, cloth)
-        for found in depths:
-            index = next(i for i, v in enumerate(views) if v is found.view)
-            gate = max(0.05, 0.1 * 0.85 ** (k - early))
-            facts["depth_m"][found.view.name] = depth_targets(targets, found, drawn[index], cloth, gate)
+            depths = depth_maps(cloth, views) if given is None else _given(views, given)
+            cloth.body = _withdrawn(body, list(depths.values()))
+            hidden = _depths(cloth.body, views)
+            facts["figure_moved_m"] = float(cloth.body.centre[1] - body.centre[1])
+        targets = asked()
+        mesh = sewn.mesh(cloth.x)
+        caster = Caster(mesh)
+        for view, outline, figure in zip(views, outlines, hidden, strict=True):
+            drawn = draw(view, caster, figure)
+            at = seen(view, drawn, mesh)
+            if s.outlines:
+                facts["outline"][view.name] = outline_targets(targets, view, outline, drawn, at, cloth)
+            if view.name in depths:
+                gate = max(0.05, 0.1 * 0.85 ** (k - early))
+                facts["depth_m"][view.name] = depth_targets(targets, depths[view.name], at, cloth, gate)
         cloth.step(targets.weight, targets.places)
         tick(1)
     sigma, source = _support(cloth, targets)
-    return Shape(sewn, frame.to_world(cloth.x), sigma, source, body, frame, facts)
+    return Shape(sewn, frame.to_world(cloth.x), sigma, source, cloth.body, frame, facts)
 
 
-def depth_maps(cloth: Cloth, views: Sequence[View], body: Mannequin, reach: float = 0.08, pixels: float = 0.5) -> list[DepthMap]:
-    """Depths of every view that has a neighbour, sought about what the shape makes expect."""
-    found = []
-    for view, figure in zip(views, _depths(body, views, 1), strict=True):
-        others = [o for o in views if o is not view and np.arccos(np.clip(o.axis @ view.axis, -1, 1)) < ANGLE]
+def depth_maps(cloth: Cloth, views: Sequence[View], reach: float = 0.08, pixels: float = 0.5) -> dict[str, DepthMap]:
+    """Depths of every view that has a neighbour, by name, sought about what the shape makes expect."""
+    found = {}
+    caster = Caster(cloth.sewn.mesh(cloth.x))
+    figures = [None] * len(views) if cloth.body is None else _depths(cloth.body, views, 1)
+    for view, figure in zip(views, figures, strict=True):
+        others = view.neighbours(views)
         if not others:
             continue
-        drawn = draw(view, cloth.sewn.mesh(cloth.x), figure, stride=1)
+        drawn = draw(view, caster, figure, stride=1)
         expected = np.where(drawn.outer & view.mask, drawn.depth, np.nan)
         if not np.isfinite(expected).any():
             continue
         step = pixels / max(view.parallax(o, float(np.nanmedian(expected))) for o in others)
         n = int(np.ceil(reach / step))
-        found.append(sweep(view, others, _filled(expected, view.mask), step * np.arange(-n, n + 1)))
+        found[view.name] = sweep(view, others, _filled(expected, view.mask), step * np.arange(-n, n + 1))
     return found
 
 
-def _given(views: Sequence[View], given: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[DepthMap]:
-    return [DepthMap(v, given[v.name][0], np.ones(v.size), given[v.name][1]) for v in views if v.name in given]
+def _given(views: Sequence[View], given: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> dict[str, DepthMap]:
+    return {v.name: DepthMap(v, given[v.name][0], np.ones(v.size), given[v.name][1]) for v in views if v.name in given}
 
 
 def _depths(body: Mannequin, views: Sequence[View], stride: int = STRIDE) -> list[np.ndarray]:
     """Depths of the figure in every view."""
-    mesh = body.mesh()
-    return [cast(view, mesh, stride)[1] for view in views]
+    caster = Caster(body.mesh())
+    return [caster.cast(view, stride)[1] for view in views]
 
 
 def _withdrawn(body: Mannequin, depths: Sequence[DepthMap], most: float = 0.03) -> Mannequin:
     """The figure moved back until cloth that is seen lies outside its trunk, but for five percent of the points."""
-    points = [found.view.points(found.depth)[np.isfinite(found.depth)] for found in depths]
-    if not points or not sum(len(p) for p in points):
+    points = np.concatenate([np.zeros((0, 3)), *(found.view.points(found.depth)[np.isfinite(found.depth)] for found in depths)])
+    points = points[:: max(1, len(points) // 20_000)]
+    points = points[np.abs(points[:, 0] - body.centre[0]) < 0.08 * body.stature]
+    if len(points) < 50:
         return body
-    seen = np.concatenate(points)[:: max(1, sum(len(p) for p in points) // 20_000)]
-    bare = replace(body, arms=())
-    seen = seen[np.abs(seen[:, 0] - body.centre[0]) < 0.08 * body.stature]
+    trunk = replace(body, arms=())
     for shift in np.arange(0.0, most + 1e-9, 0.005):
-        moved = replace(bare, centre=bare.centre + np.array([0.0, shift]))
-        if len(seen) < 50 or np.percentile(moved.distance(seen), 5) > 0:
+        moved = body.centre + np.array([0.0, shift])
+        if np.percentile(replace(trunk, centre=moved).distance(points), 5) > 0:
             break
-    return replace(body, centre=moved.centre)
+    return replace(body, centre=moved)
 
 
 def _filled(expected: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Expected depths also where the mask reaches beyond the drawn shape: those of the nearest drawn pixel."""
-    from scipy.ndimage import distance_transform_edt
-
     index = distance_transform_edt(~np.isfinite(expected), return_distances=False, return_indices=True)
     return np.where(mask, expected[tuple(index)], np.nan)
 
@@ -251,12 +263,9 @@ def gathering(d: TDimensions, places) -> float:
     if not (np.isfinite(left).all() and np.isfinite(right).all()):
         return 1.0
     width = float(np.linalg.norm(left - right))
-    a, b = 0.5 * width, 0.5 * FLAT * width
-    h = ((a - b) / (a + b)) ** 2
-    girth = np.pi * (a + b) * (1 + 3 * h / (10 + np.sqrt(4 - 3 * h)))  # Ramanujan 1914
     down = -0.5 * (left + right)[2]
     flat = np.interp(down, [d.armhole_depth, d.length], [d.body_width, d.hem_width])
-    return float(min(1.0, girth / (2 * flat)))
+    return float(min(1.0, perimeter(width, FLAT * width) / (2 * flat)))
 
 
 def _belt(sewn: Sewn, d: TDimensions, places) -> np.ndarray:
@@ -266,9 +275,10 @@ def _belt(sewn: Sewn, d: TDimensions, places) -> np.ndarray:
     return np.flatnonzero((np.abs(sewn.uv[:, 1] - down) < 0.02) & (np.abs(sewn.uv[:, 0]) < wide + 1e-6))
 
 
-def _tighten(targets: Targets, cloth: Cloth, body: Mannequin, belt: np.ndarray) -> None:
+def _tighten(targets: Targets, cloth: Cloth, belt: np.ndarray) -> None:
     """Draw the vertices under a belt to the figure."""
-    if len(belt):
+    body = cloth.body
+    if body is not None and len(belt):
         gap = body.distance(cloth.x[belt]) - cloth.s.clearance
         places = cloth.x[belt] - np.maximum(gap, 0.0)[:, None] * body.outwards(cloth.x[belt])
         targets.add("template", belt, places, 0.05 * FIRM * cloth.vertex_area[belt])
@@ -286,5 +296,6 @@ def _support(cloth: Cloth, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
     for name, weight in targets.support.items():
         more = weight > best
         names[more], best[more] = name, weight[more]
-    information = targets.weight / (FIRM * SIGMA**2 * cloth.vertex_area)  # 1/m²
+    evidence = targets.weight - targets.support.get("template", 0.0)  # a belt is no evidence
+    information = evidence / (FIRM * SIGMA**2 * cloth.vertex_area)  # 1/m²
     return np.sqrt(1.0 / (information + TEMPLATE_SIGMA**-2) + MESH_SIGMA**2), names.astype(str)

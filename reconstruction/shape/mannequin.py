@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from reconstruction.libraries import optional
+from reconstruction.shape.polyline import along
 from reconstruction.surface.triangles import TriangleMesh
 
 NECK = 0.835
@@ -94,9 +95,7 @@ class Mannequin:
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         field = self.distance(grid.reshape(-1, 3)).reshape(grid.shape[:3])
         vertices, faces, _, _ = measure.marching_cubes(field, 0.0, spacing=(spacing,) * 3)
-        mesh = TriangleMesh(vertices + low, np.asarray(faces, dtype=np.int64))
-        volume = np.einsum("fi,fi->", mesh.vertices[mesh.faces].mean(axis=1), mesh.area_vectors)
-        return mesh if volume > 0 else TriangleMesh(mesh.vertices, mesh.faces[:, ::-1])
+        return TriangleMesh(vertices + low, np.asarray(faces, dtype=np.int64)).outwards()
 
 
 def _ellipse(x, y, a, b) -> np.ndarray:
@@ -136,18 +135,14 @@ def mannequin(stature: float, folds: tuple[np.ndarray, ...], centre=(0.0, 0.0)) 
         Of the trunk, m.
     """
     arms = []
-    lengths = np.cumsum([0.0, UPPER_ARM[0], FOREARM[0], HAND[0]]) * stature
+    whole = np.cumsum([0.0, UPPER_ARM[0], FOREARM[0], HAND[0]]) * stature
     for fold in folds:
-        s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fold, axis=0), axis=1))])
-        at = np.linspace(0.0, lengths[-1], 13)
-        line = np.stack([np.interp(at, s, fold[:, i]) for i in range(3)], axis=1)
-        beyond = at > s[-1]
-        if beyond.any():
-            line[beyond] = fold[-1] + (at[beyond] - s[-1])[:, None] * (fold[-1] - fold[-2]) / np.linalg.norm(fold[-1] - fold[-2])
-        radius = stature * np.interp(at, lengths, [0.034, UPPER_ARM[1], FOREARM[1], HAND[1]])
-        along = np.gradient(line, axis=0)
-        along /= np.linalg.norm(along, axis=1)[:, None]
-        down = np.array([0.0, 0.0, -1.0]) + along * along[:, 2:]
+        at = np.linspace(0.0, whole[-1], 13)
+        line = along(fold, at)
+        radius = stature * np.interp(at, whole, [0.034, UPPER_ARM[1], FOREARM[1], HAND[1]])
+        way = np.gradient(line, axis=0)
+        way /= np.linalg.norm(way, axis=1)[:, None]
+        down = np.array([0.0, 0.0, -1.0]) + way * way[:, 2:]
         line = line + radius[:, None] * down / np.maximum(np.linalg.norm(down, axis=1), 0.2)[:, None]
         arms.append((line, radius))
     return Mannequin(stature, np.asarray(centre, dtype=float), tuple(arms))

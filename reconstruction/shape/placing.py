@@ -6,6 +6,7 @@ import numpy as np
 
 from reconstruction.landmarks import INDEX
 from reconstruction.shape.mannequin import Mannequin
+from reconstruction.shape.polyline import along
 from reconstruction.shape.sewn import BACK, FRONT, Sewn
 from reconstruction.template.dimensions import TDimensions
 
@@ -34,17 +35,6 @@ def folds(points, d: TDimensions, stature: float) -> tuple[np.ndarray, np.ndarra
     return lines[0], lines[1]
 
 
-def along(line: np.ndarray, s) -> np.ndarray:
-    """Points at arc lengths from the start of a polyline, straight on beyond its ends."""
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    s = np.asarray(s, dtype=float)
-    inner = np.stack([np.interp(s, at, line[:, i]) for i in range(3)], axis=-1)
-    for end, before, excess in ((line[-1], line[-2], s - at[-1]), (line[0], line[1], -s)):
-        direction = (end - before) / np.linalg.norm(end - before)
-        inner = inner + np.maximum(excess, 0.0)[..., None] * direction
-    return inner
-
-
 def place_tunic(sewn: Sewn, d: TDimensions, lines: tuple[np.ndarray, np.ndarray], body: Mannequin) -> np.ndarray:
     """Vertices (nv, 3), m, of a garment with sleeves around a figure: folds on the arms, both layers down from them."""
     u, v = sewn.uv.T
@@ -53,10 +43,10 @@ def place_tunic(sewn: Sewn, d: TDimensions, lines: tuple[np.ndarray, np.ndarray]
         mine = side * u >= 0
         s = np.abs(u[mine]) - 0.5 * d.neck_width
         top = along(line, np.maximum(s, 0.0))
+        step = 1e-3
+        direction = (along(line, np.maximum(s, 0.0) + step) - top) / step
         middle = np.minimum(s, 0.0)  # between the ends of the neckline
         top[:, 0] += side * middle
-        step = 1e-3
-        direction = (along(line, np.maximum(s, 0.0) + step) - along(line, np.maximum(s, 0.0))) / step
         direction[s < 0] = (side, 0.0, 0.0)
         blend = np.clip((np.abs(u[mine]) - 0.35 * d.body_width) / (0.3 * d.body_width), 0, 1)[:, None]
         down = np.array([0.0, 0.0, -1.0])

@@ -8,7 +8,6 @@ outer layer (they are cut, not seen).
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +15,7 @@ from matplotlib.path import Path as Polygon
 from scipy.spatial import Delaunay, cKDTree
 
 from mfar_fem.errors import InputError
+from reconstruction.shape.polyline import evenly, with_corners
 from reconstruction.surface.triangles import TriangleMesh
 from reconstruction.template.dimensions import Dimensions, HatDimensions, RibbonDimensions, TDimensions
 from reconstruction.template.panel import bezier_points
@@ -136,8 +136,8 @@ def _seams(d: TDimensions, edge: float) -> dict[str, np.ndarray]:
     """Points of the lines that join front and back."""
     armpit, foot = np.array([d.body_width / 2, d.armhole_depth]), np.array([d.hem_width / 2, d.length])
     slit = foot + d.slit * (armpit - foot) / np.linalg.norm(armpit - foot)
-    fold = _sampled([(d.neck_width / 2, 0.0), (d.cross_sleeve_width / 2, 0.0)], edge)
-    under = _sampled([(d.cross_sleeve_width / 2, d.cuff_width), armpit, slit], edge)
+    fold = with_corners([(d.neck_width / 2, 0.0), (d.cross_sleeve_width / 2, 0.0)], edge)
+    under = with_corners([(d.cross_sleeve_width / 2, d.cuff_width), armpit, slit], edge)
     return {f"{side}_{name}": line * (sign, 1.0) for side, sign in SIDES for name, line in (("fold", fold), ("under", under))}
 
 
@@ -151,12 +151,12 @@ def _layer(d: TDimensions, edge: float, seams: dict[str, np.ndarray], side: int)
     quarter = bezier_points(
         np.array([(half, 0.0), *((a * half, b * depth) for a, b in shape), (0.0, depth)]), np.linspace(0, 1, 200)
     )
-    neck = _resampled(np.concatenate([quarter, (quarter[::-1] * (-1, 1))[1:]]), edge)  # from left to right
-    free = {"neck": neck, "hem": _sampled([(d.hem_width / 2, d.length), (-d.hem_width / 2, d.length)], edge)}
+    neck = evenly(np.concatenate([quarter, (quarter[::-1] * (-1, 1))[1:]]), edge)  # from left to right
+    free = {"neck": neck, "hem": with_corners([(d.hem_width / 2, d.length), (-d.hem_width / 2, d.length)], edge)}
     for name, sign in SIDES:
-        free[f"{name}_cuff"] = _sampled([(cuff, 0.0), (cuff, d.cuff_width)], edge) * (sign, 1.0)
+        free[f"{name}_cuff"] = with_corners([(cuff, 0.0), (cuff, d.cuff_width)], edge) * (sign, 1.0)
         if d.slit > 0:
-            free[f"{name}_slit"] = _sampled([seams["left_under"][-1], (d.hem_width / 2, d.length)], edge) * (sign, 1.0)
+            free[f"{name}_slit"] = with_corners([seams["left_under"][-1], (d.hem_width / 2, d.length)], edge) * (sign, 1.0)
     left = [seams["left_fold"], free["left_cuff"], seams["left_under"], free.get("left_slit")]
     right = [seams["right_fold"], free["right_cuff"], seams["right_under"], free.get("right_slit")]
     pieces = [p for p in left if p is not None] + [free["hem"]] + [p[::-1] for p in right[::-1] if p is not None] + [neck[::-1]]
@@ -170,7 +170,7 @@ def _strip(garment: str, d: RibbonDimensions, edge: float) -> Sewn:
     long, wide = d.length / 2, d.width / 2
     if edge > wide:
         raise InputError(f"edges of {1e3 * edge:g} mm are too long for a width of {2e3 * wide:.0f} mm; half of it at most")
-    rim = _sampled([(-long, -wide), (long, -wide), (long, wide), (-long, wide), (-long, -wide)], edge)[:-1]
+    rim = with_corners([(-long, -wide), (long, -wide), (long, wide), (-long, wide), (-long, -wide)], edge)[:-1]
     points, faces = _triangulated(np.zeros((0, 2)), rim, edge)
     faces = _turned(points, faces, 1.0)
     return Sewn(
@@ -199,7 +199,7 @@ def _triangulated(first: np.ndarray, outline: np.ndarray, edge: float) -> tuple[
         grid.append(np.stack([u, np.full(len(u), v)], axis=1))
     inner = np.concatenate(grid)
     inner = inner[polygon.contains_points(_right(inner))]
-    rim = _resampled(np.concatenate([outline, outline[:1]]), 0.25 * edge)
+    rim = evenly(np.concatenate([outline, outline[:1]]), 0.25 * edge)
     inner = inner[cKDTree(rim).query(_right(inner))[0] > 0.6 * edge]
     points = np.concatenate([_distinct(np.concatenate([first, outline])), inner])
     faces = Delaunay(points).simplices
@@ -232,24 +232,6 @@ def _joined(front: np.ndarray, back: np.ndarray) -> np.ndarray:
     if front[-1] == back[-1]:
         return np.concatenate([front, back[::-1][1:]])
     return np.concatenate([front, back[::-1]])
-
-
-def _sampled(corners, edge: float) -> np.ndarray:
-    """Points along a polyline, its corners among them, no further apart than an edge."""
-    corners = np.asarray(corners, dtype=float)
-    pieces = [corners[:1]]
-    for a, b in itertools.pairwise(corners):
-        n = max(1, int(np.ceil(np.linalg.norm(b - a) / edge - 1e-9)))
-        pieces.append(a + (b - a) * np.arange(1, n + 1)[:, None] / n)
-    return np.concatenate(pieces)
-
-
-def _resampled(line: np.ndarray, edge: float) -> np.ndarray:
-    """Points evenly along a curve, no further apart than an edge; an even number of pieces."""
-    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    n = 2 * max(1, int(np.ceil(0.5 * s[-1] / edge)))
-    at = np.linspace(0.0, s[-1], n + 1)
-    return np.stack([np.interp(at, s, line[:, i]) for i in range(line.shape[1])], axis=1)
 
 
 def _distinct(points: np.ndarray) -> np.ndarray:

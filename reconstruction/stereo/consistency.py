@@ -16,6 +16,8 @@ from reconstruction.stereo.sweep import DepthMap
 
 TOLERANCE = 1.0
 """Distance up to which two depth maps say the same, px of parallax."""
+RELATIVE = 0.01
+"""And part of the depth: from nearly the same place a pixel of parallax is any distance."""
 
 
 def consistent(maps: Sequence[DepthMap], tolerance: float = TOLERANCE, least: int = 1) -> list[DepthMap]:
@@ -52,7 +54,7 @@ def consistent(maps: Sequence[DepthMap], tolerance: float = TOLERANCE, least: in
             theirs = np.full(len(points), np.nan)
             theirs[inside] = other.depth[y[inside], x[inside]]
             pixel = 1.0 / max(one.view.parallax(other.view, float(np.median(one.depth[there]))), 1e-9)
-            votes += np.abs(theirs - depth) < tolerance * pixel
+            votes += np.abs(theirs - depth) < np.minimum(tolerance * pixel, RELATIVE * depth)
         kept = one.depth.copy()
         kept[there] = np.where(votes >= least, kept[there], np.nan)
         out.append(replace(one, depth=kept))

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from mfar_fem.errors import InputError
 from reconstruction.matching.cameras import centre
+
+ANGLE = np.radians(60.0)
+"""Views whose axes differ by more are not compared with each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +99,11 @@ class View:
         return local @ np.linalg.inv(self.camera[:, :3]).T
 
     def grid_rays(self) -> np.ndarray:
-        """Rays (h, w, 3) of all pixels."""
+        """Rays (h, w, 3) of all pixels, computed once."""
+        return self._grid
+
+    @cached_property
+    def _grid(self) -> np.ndarray:
         h, w = self.size
         x, y = np.meshgrid(np.arange(w), np.arange(h))
         return self.rays(np.stack([x, y], axis=-1))
@@ -114,3 +123,7 @@ class View:
         middle = np.argwhere(self.mask).mean(axis=0)[::-1]
         point = self.centre + np.array([depth - 0.01, depth + 0.01])[:, None] * self.rays(middle)
         return float(np.linalg.norm(np.diff(other.project(point)[0], axis=0)) / 0.02)
+
+    def neighbours(self, views: Sequence[View]) -> list[View]:
+        """The others that look from less than :data:`ANGLE` apart."""
+        return [v for v in views if v is not self and np.arccos(np.clip(v.axis @ self.axis, -1, 1)) < ANGLE]

@@ -88,6 +88,11 @@ class TriangleMesh:
         """Ids of the vertices on the boundary, ascending."""
         return np.unique(self.boundary_edges)
 
+    def outwards(self) -> TriangleMesh:
+        """A closed mesh with its faces turned so that its volume is positive."""
+        volume = np.einsum("fi,fi->", self.vertices[self.faces].mean(axis=1), self.area_vectors)
+        return self if volume > 0 else TriangleMesh(self.vertices, self.faces[:, ::-1])
+
     def submesh(self, keep) -> TriangleMesh:
         """Some of the faces (mask or ids) with the vertices they use, in their order."""
         faces = self.faces[keep]

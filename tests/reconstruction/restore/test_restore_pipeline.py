@@ -1,21 +1,19 @@
 """``mfar restore``: order, caching, going on after a kill, the report; the first three stages are given."""
 
-import importlib.util
 import json
 import shutil
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from shape_scene import dimensions, scene
 
 from mfar_fem.errors import InputError, UnknownNameError
 from mfar_fem.surface.mesh import Surface
 from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
 from reconstruction.restore import drape, pipeline
 from reconstruction.restore.pipeline import ORDER, RestoreSettings, read_dimensions, restore
-from reconstruction.shape.evidence import cast
+from reconstruction.shape.evidence import Caster
 from reconstruction.shape.points import PointSet
 from reconstruction.stereo.view import View
 from reconstruction.template.dimensions import to_dict
@@ -24,27 +22,16 @@ pytest.importorskip("embreex")
 pytest.importorskip("igl")
 
 
-def _scenes():
-    """The scene of the tests of the shape."""
-    path = Path(__file__).parents[1] / "shape" / "shape_scene.py"
-    if "shape_scene" not in sys.modules:
-        spec = importlib.util.spec_from_file_location("shape_scene", path)
-        module = importlib.util.module_from_spec(spec)
-        sys.modules["shape_scene"] = module
-        spec.loader.exec_module(module)
-    return sys.modules["shape_scene"]
-
-
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
     """Pictures of a patterned garment from four sides, twice the size of the scene's."""
     folder = tmp_path_factory.mktemp("sources")
-    mesh, _, views, _, _ = _scenes().scene()
-    lines = []
+    mesh, _, views, _, _ = scene()
+    caster, lines = Caster(mesh), []
     for i, view in enumerate(views):
         camera = np.diag([2.0, 2.0, 1.0]) @ view.camera
         blank = View.of(view.name, np.zeros((2 * view.size[0], 2 * view.size[1], 3), dtype=np.float32), camera)
-        _, depth, facing = cast(blank, mesh, 1)
+        _, depth, facing = caster.cast(blank, 1)
         seen = np.isfinite(depth) & (facing < 0)
         p = np.nan_to_num(blank.points(np.where(seen, depth, 1.0)))
         waves = [np.sin(p @ (90 * d) + k) for k, d in enumerate(np.random.default_rng(0).normal(size=(6, 3)))]
@@ -72,7 +59,7 @@ def quick(monkeypatch):
         return stage
 
     def keypoints(sources, at, settings):
-        points = _scenes().scene()[4]
+        points = scene()[4]
         found = []
         for source in sources.sources:
             pixels = View.of("v", np.zeros((4, 4, 3), dtype=np.float32), source.camera).project(points.points)[0]
@@ -81,7 +68,7 @@ def quick(monkeypatch):
         return {"within_px_of_256x192": 2.0, "points": {s.name: 12 for s in sources.sources}}
 
     def template(points_file, at, settings):
-        d = to_dict(_scenes().dimensions())
+        d = to_dict(dimensions())
         (at / "dimensions.json").write_text(json.dumps({"garment": settings.garment, "dimensions": d}))
         return {"dimensions": d, "assumed": {"slit": "none"}, "votes": {}, "conflicts": [], "findings": []}
 
@@ -154,6 +141,8 @@ def test_what_cannot_be_restored_is_said_at_once(sources, tmp_path, quick):
         restore(sources, tmp_path / "out", RestoreSettings(garment="half-sleeve", fabric="silk-charmeus"))
     with pytest.raises(UnknownNameError, match="half-sleev"):
         RestoreSettings(garment="half-sleev")
+    with pytest.raises(InputError, match="veil-hat cannot be restored yet; round-collar-robe and half-sleeve can"):
+        RestoreSettings(garment="veil-hat")
     with pytest.raises(InputError, match="by poisson"):
         RestoreSettings(surface="marching cubes")
     with pytest.raises(InputError, match="draft, standard, reference"):
@@ -161,6 +150,6 @@ def test_what_cannot_be_restored_is_said_at_once(sources, tmp_path, quick):
 
 
 def test_dimensions_come_back(tmp_path):
-    d = _scenes().dimensions()
+    d = dimensions()
     (tmp_path / "dimensions.json").write_text(json.dumps({"garment": "half-sleeve", "dimensions": to_dict(d)}))
     assert read_dimensions(tmp_path / "dimensions.json") == ("half-sleeve", d)

@@ -6,7 +6,7 @@ import numpy as np
 
 from reconstruction.landmarks import INDEX, LANDMARKS
 from reconstruction.shape.cloth import Cloth, ClothSettings
-from reconstruction.shape.evidence import cast
+from reconstruction.shape.evidence import Caster
 from reconstruction.shape.fit import SHOULDER
 from reconstruction.shape.landmarks3d import SpacePoints
 from reconstruction.shape.mannequin import mannequin
@@ -52,10 +52,11 @@ def scene():
             cloth.body = body
         cloth.step(top, start, 0.0 if k < 8 else 9.81)
     mesh = sewn.mesh(cloth.x)
+    caster = Caster(mesh)
     views, depths = [], {}
     for azimuth in (0, 28, -28, 180):
         blank = View.of(f"view {azimuth}", np.full((*SIZE, 3), 0.5, dtype=np.float32), camera(azimuth))
-        _, depth, facing = cast(blank, mesh, 1)
+        _, depth, facing = caster.cast(blank, 1)
         mask = np.isfinite(depth) & (facing < 0)
         views.append(View(blank.name, blank.image, blank.camera, mask))
         if azimuth != 180:
