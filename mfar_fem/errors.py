@@ -42,8 +42,15 @@ class DataFileError(InputError):
         self.path, self.line, self.column = path, line, column
         where = "" if path is None else str(path) + (f", line {line}" if line is not None else "")
         if column is not None:
-            where += (", " if where else "") + f"column '{column}'"
+            where += (", " if where else "") + _named(column, path)
         super().__init__(f"{where}: {message}" if where else message)
+
+
+def _named(column: str, path) -> str:
+    """What a place in a file is called: an option of the command line, a key of TOML or JSON, a column of a table."""
+    if column.startswith("--"):
+        return column
+    return f"{'key' if str(path).lower().endswith(('.toml', '.json')) or path is None else 'column'} '{column}'"
 
 
 class SurfaceError(InputError):

@@ -1,7 +1,7 @@
 """TOML settings files whose errors name file, line and key.
 
 `tomllib` forgets where a key stood; :class:`TomlFile` finds it again in the text, so that a wrong value can be reported
-as ``fabric.toml, line 4, column 'thickness': unit missing: write e.g. '0.1 mm'``.
+as ``fabric.toml, line 4, key 'thickness': unit missing: write e.g. '0.1 mm'``.
 """
 
 from __future__ import annotations

@@ -126,8 +126,10 @@ def _show_fusion(payload) -> list:
     if payload["by_kinds"]:
         shown.append(_table("Pairs by kinds of sources", payload["by_kinds"], kinds))
     shown += [f"  {count} {status}" for status, count in payload["statuses"].items()]
+    from reconstruction.matching.graph import joined
+
     groups = payload["components"]
-    shown.append(_joined(groups))
+    shown.append(joined(groups))
     measured = payload["stages"]["measurements"]
     if measured["votes"]:
         rows = [{"length": v["name"], "cm": 100 * v["value_m"], "sigma": 100 * v["sigma_m"], "kinds": ", ".join(v["weights"])}
@@ -141,19 +143,6 @@ def _show_fusion(payload) -> list:
         shown.append(measured["note"])
     shown.append(f"written to {payload['out']}: fusion.json, pairs.csv, kinds.csv, graph.png, matrix.png, corrected/, pairs/")
     return shown
-
-
-def _joined(groups: list[list[str]]) -> str:
-    """How many pictures matched pairs join."""
-    largest = len(groups[0])
-    if largest == 1:
-        return "no two pictures are joined by a matched pair"
-    alone = sum(len(g) == 1 for g in groups)
-    joined = len(groups) - alone
-    text = f"matched pairs join {sum(len(g) for g in groups) - alone} pictures"
-    if joined > 1:
-        text += f" into {joined} groups, the largest of {largest}"
-    return text + (f"; {alone} picture{'s' * (alone != 1)} joined to none" if alone else "")
 
 
 def _show_study(payload) -> list:

@@ -18,7 +18,8 @@ def template(
     keypoints: Annotated[Path, typer.Argument(help="Keypoints file (JSON), or a folder with keypoints.json.")],
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="Folder for the template, the tables and the overview.")],
     garment: Annotated[
-        str | None, typer.Option("--type", help="round-collar-robe, half-sleeve, flying-ribbon, veil-hat; else what the file says.")
+        str | None,
+        typer.Option("--type", help="round-collar-robe, half-sleeve, flying-ribbon, veil-hat; else what the file says, or a robe."),
     ] = None,
     loom: Annotated[str, typer.Option("--loom", help="Width of the cloth.")] = "57.5 cm",
     weighting: Annotated[str, typer.Option("--vote", help="Weights of the kinds: paper (0.5, 0.3, 0.2) or precision.")] = "paper",
@@ -53,7 +54,8 @@ def _render(payload: Mapping[str, Any]) -> list[Any]:
                      f"{100 * c['second_value_m']:.1f} cm (z = {c['z']:+.1f})")
     shown += [f"assumed: {name} = {how}" for name, how in payload["assumed"].items()]
     shown += [f"{f['level']}: {f['where']} {f['message']}" for f in payload["findings"]]
-    shown.append("written: " + ", ".join(Path(path).name for path in payload["files"].values()))
+    paths = [Path(path) for path in payload["files"].values()]
+    shown.append(f"written to {paths[0].parent}: " + ", ".join(path.name for path in paths))
     return shown
 
 

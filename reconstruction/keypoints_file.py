@@ -151,7 +151,8 @@ def read_keypoints(path) -> KeypointsFile:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise DataFileError("there is no such file", path=path) from None
+        raise DataFileError("there is no such file; `mfar keypoints PICTURES --out DIR` writes one (keypoints.json in DIR)",
+                            path=path) from None  # fmt: skip
     except (OSError, UnicodeDecodeError) as error:
         raise DataFileError(f"cannot be read: {error}", path=path) from error
     except json.JSONDecodeError as error:

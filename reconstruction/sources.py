@@ -32,7 +32,7 @@ import numpy as np
 
 from mfar_fem.errors import DataFileError
 from mfar_fem.tomlfile import TomlFile, suggest
-from reconstruction.images import KNOWN_EXTENSIONS, load
+from reconstruction.images import KNOWN_EXTENSIONS, ImageError, LoadedImage, load
 from reconstruction.landmarks import KINDS, STATURE
 
 NAME = "sources.toml"
@@ -136,6 +136,19 @@ class SourceSet:
     path: Path
     sources: tuple[Source, ...]
 
+    def load(self, source: Source) -> LoadedImage:
+        """Read a picture; what is wrong with it names the line of ``sources.toml`` too.
+
+        Raises
+        ------
+        ImageError
+        """
+        try:
+            return load(source.path)
+        except ImageError as error:
+            error.args = (f"{error} (listed in {self.path}, line {source.line})",)
+            raise
+
     def load_each(self, use: Callable[[Source], object] | None = None) -> None:
         """Read and check every picture, one at a time in memory.
 
@@ -153,7 +166,7 @@ class SourceSet:
         """
         seen: dict[str, Source] = {}
         for source in self.sources:
-            image = load(source.path)
+            image = self.load(source)
             if (twin := seen.setdefault(image.digest, source)) is not source:
                 raise SourcesError(f"'{source.name}' and '{twin.name}' are the same picture, byte for byte; list it once",
                                    path=self.path, line=source.line)  # fmt: skip

@@ -21,6 +21,7 @@ from typing import Any
 from mfar_fem.errors import InputError
 
 _emitted_json = False  # whether this run has already written its JSON object
+_made: list[Path] = []  # folders that this run has made, outermost first
 
 
 def out():
@@ -132,9 +133,18 @@ def report_error(error: BaseException, exit_code: int, as_json: bool, title: str
 
 
 def forget_emitted() -> None:
-    """Start a new run: no JSON object has been written yet."""
+    """Start a new run: no JSON object has been written yet, no folder made."""
     global _emitted_json
     _emitted_json = False
+    _made.clear()
+
+
+def remove_empty() -> None:
+    """Remove the folders that :func:`check_writable` made in this run and that are empty (after an error)."""
+    for folder in reversed(_made):
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+    _made.clear()
 
 
 @contextlib.contextmanager
@@ -189,8 +199,13 @@ def check_writable(out_dir: str | os.PathLike) -> Path:
         It cannot be made or nothing can be written into it.
     """
     folder = Path(out_dir)
+    for part in (folder, *folder.parents):
+        if part.exists() and not part.is_dir():
+            raise InputError(f"cannot write into the output folder '{folder}': '{part}' is a file; choose another with --out")
+    missing = [part for part in (folder, *folder.parents) if not part.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        _made.extend(reversed(missing))
         with tempfile.NamedTemporaryFile(dir=folder, prefix=".mfar-write-test-"):
             pass
     except OSError as error:

@@ -161,6 +161,7 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         code = typer.main.get_command(app).main(args=args, prog_name="mfar", standalone_mode=False)
     except MfarError as error:
+        console.remove_empty()
         console.report_error(error, error.exit_code, as_json)
         return error.exit_code
     except ClickException as error:

@@ -9,6 +9,7 @@ from typing import Any
 from mfar_fem.cli.console import check_writable
 from mfar_fem.errors import InputError
 from reconstruction import images as pictures
+from reconstruction.images import LoadedImage
 from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
 from reconstruction.landmarks import KINDS, LANDMARKS
 
@@ -17,8 +18,8 @@ SHIPPED = "shipped"
 FILE = "keypoints.json"
 
 
-def entries_of(paths: Sequence[Path], kind: str = "mural") -> list[tuple[Path, str, dict[str, Any]]]:
-    """Path, kind and what is known of each picture, of a list of pictures or one folder with a ``sources.toml``.
+def entries_of(paths: Sequence[Path], kind: str = "mural") -> tuple[list[tuple[Path, str, dict[str, Any]]], list[LoadedImage]]:
+    """Path, kind and what is known of each picture, and the pictures, of a list of files or one folder with a ``sources.toml``.
 
     Raises
     ------
@@ -28,11 +29,16 @@ def entries_of(paths: Sequence[Path], kind: str = "mural") -> list[tuple[Path, s
     if len(paths) == 1 and (paths[0].is_dir() or paths[0].suffix.lower() == ".toml"):
         from reconstruction.sources import read
 
+        found = read(paths[0])
         return [(s.path, s.kind, {"figure": None if s.figure == "none" else s.figure, "mask": s.mask, "scale": s.scale_entry()})
-                for s in read(paths[0]).sources]
+                for s in found.sources], [found.load(s) for s in found.sources]
     if kind not in KINDS:
         raise InputError(f"--kind '{kind}' is none of {', '.join(KINDS)}")
-    return [(path, kind, {}) for path in paths]
+    for path in paths:
+        if not path.is_file():
+            what = "is a folder; give one folder with a sources.toml alone, or pictures" if path.is_dir() else "does not exist"
+            raise InputError(f"{path}: {what}{'' if path.is_dir() else '; give pictures, or one folder with a sources.toml'}")
+    return [(path, kind, {}) for path in paths], [pictures.load(path) for path in paths]
 
 
 def locate(
@@ -70,10 +76,9 @@ def locate(
     from reconstruction.keypoints.plots import save_heatmaps, save_predictions
     from reconstruction.keypoints.predict import Detector
 
-    entries = entries_of(paths, kind)
+    entries, loaded = entries_of(paths, kind)
     if progress is not None:
         progress(0, total=len(entries))
-    loaded = [pictures.load(path) for path, _, _ in entries]
     for (path, _, known), image in zip(entries, loaded, strict=True):
         mask = known.get("mask")
         if mask is not None and (size := pictures.load(mask).size) != image.size:

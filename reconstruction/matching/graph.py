@@ -115,3 +115,16 @@ def _cell(value: Any) -> Any:
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.6g}"
     return value
+
+
+def joined(groups: list[list[str]]) -> str:
+    """How many pictures matched pairs join."""
+    largest = len(groups[0])
+    if largest == 1:
+        return "no two pictures are joined by a matched pair"
+    alone = sum(len(g) == 1 for g in groups)
+    joined = len(groups) - alone
+    text = f"matched pairs join {sum(len(g) for g in groups) - alone} pictures"
+    if joined > 1:
+        text += f" into {joined} groups, the largest of {largest}"
+    return text + (f"; {alone} picture{'s' * (alone != 1)} joined to none" if alone else "")

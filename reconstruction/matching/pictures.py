@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from reconstruction.libraries import opencv
-from reconstruction.matching.graph import MatchGraph
+from reconstruction.matching.graph import MatchGraph, joined
 from reconstruction.matching.pair import PairResult
 
 KIND_COLOURS = {"mural": "#b5482f", "figurine": "#2f6db5", "textile": "#3b8a4b"}
@@ -124,6 +124,15 @@ def _title(result: PairResult) -> str:
     return text
 
 
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """Names without the folders that all of them share."""
+    parts = [name.split("/") for name in names]
+    shared = 0
+    while parts and all(len(p) > shared + 1 and p[shared] == parts[0][shared] for p in parts):
+        shared += 1
+    return {name: "/".join(p[shared:]) for name, p in zip(names, parts, strict=True)}
+
+
 def graph_drawing(path: Path, graph: MatchGraph, thumbnails: Mapping[str, np.ndarray] | None = None) -> Path:
     """Draw the match graph on a circle: nodes by kind (with pictures if there are at most 16), edges by status, as wide as the
     logarithm of their inliers. Failed pairs are drawn thin up to 40 pictures and left out, with a note, beyond."""
@@ -136,7 +145,7 @@ def graph_drawing(path: Path, graph: MatchGraph, thumbnails: Mapping[str, np.nda
     n = len(names)
     angle = np.pi / 2 - 2 * np.pi * np.arange(n) / max(n, 1)
     place = {name: np.array([np.cos(t), np.sin(t)]) for name, t in zip(names, angle, strict=True)}
-    shown = n <= 40
+    shown, short = n <= 40, short_names(names)
     thumbnails = thumbnails or {}
     for result in sorted(graph.results, key=lambda r: (r.matched, r.status.startswith("degenerate"))):
         kind = result.status.split(":")[0]
@@ -158,12 +167,12 @@ def graph_drawing(path: Path, graph: MatchGraph, thumbnails: Mapping[str, np.nda
             axes.scatter([x], [y], s=90 if n <= 40 else 30, color=colour, zorder=2)
         if pictured:
             below = -0.5 * 74 * thumbnails[name].shape[0] / max(thumbnails[name].shape[:2]) - 8
-            axes.annotate(name, (x, y), xytext=(0, below), textcoords="offset points", ha="center", va="top", fontsize=8,
+            axes.annotate(short[name], (x, y), xytext=(0, below), textcoords="offset points", ha="center", va="top", fontsize=8,
                           bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.8})  # fmt: skip
             continue
         turn = np.degrees(np.arctan2(y, x))
         upright = abs(turn) <= 90
-        axes.text(x * 1.07, y * 1.07, name, ha="left" if upright else "right", va="center", fontsize=8 if n <= 40 else 6,
+        axes.text(x * 1.07, y * 1.07, short[name], ha="left" if upright else "right", va="center", fontsize=8 if n <= 40 else 6,
                   rotation=turn if upright else turn - 180, rotation_mode="anchor")  # fmt: skip
     handles = [Line2D([], [], color=STATUS_COLOURS[k], ls=s, label=k)
                for k, s in (("matched", "-"), ("degenerate", "--"), ("failed", ":")) if k != "failed" or shown]  # fmt: skip
@@ -172,7 +181,7 @@ def graph_drawing(path: Path, graph: MatchGraph, thumbnails: Mapping[str, np.nda
     axes.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, -0.06), ncols=6, fontsize=9, frameon=False)
     tried, matched = len(graph.results), sum(r.matched for r in graph.results)
     note = "" if shown else " (failed pairs not drawn)"
-    axes.set_title(f"{matched} of {tried} pairs matched, {len(graph.components())} groups{note}", fontsize=11)
+    axes.set_title(f"{matched} of {tried} pairs matched{note}; {joined(graph.components())}", fontsize=11)
     axes.set_xlim(-1.35, 1.35)
     axes.set_ylim(-1.35, 1.35)
     axes.set_aspect("equal")
@@ -208,8 +217,9 @@ def matrix(path: Path, graph: MatchGraph) -> Path:
             if n <= 25:
                 bright = values[i, j] > np.sqrt(top)
                 axes.text(x, y, str(result.inliers), ha="center", va="center", fontsize=7, color="black" if bright else "white")
-    axes.set_xticks(range(n), names, rotation=90, fontsize=8 if n <= 40 else 5)
-    axes.set_yticks(range(n), names, fontsize=8 if n <= 40 else 5)
+    short = list(short_names(names).values())
+    axes.set_xticks(range(n), short, rotation=90, fontsize=8 if n <= 40 else 5)
+    axes.set_yticks(range(n), short, fontsize=8 if n <= 40 else 5)
     axes.set_title("inliers of every pair; frame: green matched, orange degenerate, red failed, grey not tried", fontsize=9)
     figure.savefig(path, dpi=110)
     return path

@@ -65,7 +65,7 @@ def measure_images(images: Iterable[ImageKeypoints], garment: str = "round-colla
             if left_out is None:
                 raise
             left_out[str(image.path)], trouble = str(error).removeprefix(f"{image.path}: "), error
-            log.warning("left out: %s", error)
+            log.info("left out: %s", error)
         if progress is not None:
             progress()
     if trouble is not None and not found:

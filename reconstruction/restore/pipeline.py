@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from mfar_fem.errors import InputError
+from mfar_fem.errors import InputError, UnknownNameError
 from mfar_fem.materials.fabric import Fabric, fabric_names
+from mfar_fem.tomlfile import suggest
 from reconstruction import images as pictures
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.landmarks import STATURE
 from reconstruction.measure.silhouette import read_mask
+from reconstruction.measure.vote import WEIGHTINGS
 from reconstruction.restore.cache import Done, Stages
 from reconstruction.restore.drape import effort, settle, write_scene
 from reconstruction.shape.fit import FitSettings, fit_shape
@@ -74,6 +76,10 @@ class RestoreSettings:
         if garment_type(self.garment) not in RESTORED:
             raise InputError(f"a {self.garment} cannot be restored yet; {' and '.join(RESTORED)} can")
         effort(self.fidelity)
+        if self.vote not in WEIGHTINGS:
+            raise UnknownNameError(f"unknown weighting '{self.vote}' of the vote{suggest(self.vote, WEIGHTINGS)}")
+        if self.weights != "shipped" and not Path(self.weights).is_file():
+            raise InputError(f"there is no detector '{self.weights}'; `mfar train keypoints` makes one")
         if self.surface not in ("template", "poisson"):
             raise InputError(f"the surface is made from the template or by poisson, not by '{self.surface}'")
 

@@ -115,6 +115,8 @@ _T_RULES: dict[str, dict[str, tuple[str | None, float]]] = {
 GARMENTS = ("round-collar-robe", "half-sleeve", "flying-ribbon", "veil-hat")
 """Types of garments a template can be made for."""
 _FROM = {"length": "garment_length"}
+UNUSUAL = 1.5
+"""Factor from the usual length from which on a length is unusual (all cuts of the synthetic benchmark lie within it)."""
 Dimensions = TDimensions | RibbonDimensions | HatDimensions
 
 
@@ -184,6 +186,15 @@ def _hat(measured: Mapping[str, float]) -> tuple[HatDimensions, dict[str, str]]:
     assumed = {name: f"{default} m, a usual value" for name, (source, default) in names.items() if source not in measured}
     assumed |= {"open_angle": "60 degrees, a usual value", "gathering": "1.2, a usual value"}
     return HatDimensions(**values), assumed
+
+
+def unusual(garment: str, measured: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Measured lengths (m) that a garment of the type would hardly have, with the usual ones: the type may be wrong."""
+    usual = derive(garment, {})[0]
+    names = {"garment_length": "length", "cross_sleeve_width": "cross_sleeve_width", "body_width": "body_width",
+             "ribbon_length": "length", "brim_width": "brim_diameter"}  # fmt: skip
+    pairs = {name: (float(measured[name]), float(getattr(usual, key))) for name, key in names.items() if name in measured}
+    return {name: (value, known) for name, (value, known) in pairs.items() if not 1 / UNUSUAL < value / known < UNUSUAL}
 
 
 def to_dict(dimensions: Dimensions) -> dict[str, Any]:

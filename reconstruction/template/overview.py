@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -21,33 +22,65 @@ if TYPE_CHECKING:
 
 EDGE_COLOURS = {"collar": "#d62728", "hem": "#1f77b4", "lapel": "#9467bd", "cuff": "#ff7f0e", "side": "#2ca02c",
                 "underarm": "#8c564b"}
+MOST, COLUMNS = 15, 5
+"""Pictures shown, and in a row."""
 
 
 def write_overview(path, template: Template, images: Sequence[ImageKeypoints]) -> None:
-    """Write the PNG.
+    """Write the PNG: pictures above, the panels at one scale and the lengths below.
 
     Parameters
     ----------
     path : path
     template : Template
     images : sequence of ImageKeypoints
-        At most six are shown, the kinds in turn, textiles first; an image that cannot be opened is drawn as its points alone.
+        At most :data:`MOST` are shown (the title says of how many), the kinds in turn, textiles first; an image that cannot be
+        opened is drawn as its points alone.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    shown = _choice(images, 6)
-    rows, columns = min(3, max(1, len(shown))), math.ceil(len(shown) / 3)
-    figure = Figure(figsize=(5 * columns + 9, 9.5), layout="constrained")
+    shown = _choice(images, MOST)
+    columns = min(COLUMNS, max(len(shown), 1))
+    rows = math.ceil(len(shown) / COLUMNS) if shown else 1
+    figure = Figure(figsize=(16, 4.2 * rows + 9), layout="constrained")
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(rows, columns + 1, width_ratios=[5] * columns + [9])
+    top, bottom = figure.subfigures(2, 1, height_ratios=[4.2 * rows, 9])
+    grid = top.add_gridspec(rows, columns)
     for i, image in enumerate(shown):
-        _draw_image(figure.add_subplot(grid[i % 3, i // 3]), image, template)
-    axes = figure.add_subplot(grid[:, columns])
-    draw_pattern(axes, template.pattern)
-    note = f"{len(template.conflicts)} conflicts; assumed: {', '.join(template.assumed) or 'nothing'}"
-    axes.set_title(f"{template.pattern.name}, panels at one scale\n{note}", fontsize=9)
+        _draw_image(top.add_subplot(grid[divmod(i, COLUMNS)]), image, template)
+    most = f" ({len(shown)} of {len(images)} pictures)" if len(shown) < len(images) else ""
+    top.suptitle(f"{template.pattern.name}: points and fitted edges{most}", fontsize=12)
+    if handles := _legend(shown, template):
+        top.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
+    panels, table = bottom.subplots(1, 2, width_ratios=[3, 1.15])
+    draw_pattern(panels, template.pattern)
+    panels.set_title("panels at one scale: cut solid, seam dashed, warp as arrow", fontsize=10)
+    table.set_axis_off()
+    table.text(0, 1, _lengths(template), family="monospace", fontsize=9, va="top", transform=table.transAxes)
     figure.savefig(path, dpi=110, bbox_inches="tight")
+
+
+def _legend(shown: Sequence[ImageKeypoints], template: Template) -> list:
+    """A line for each kind of edge in the pictures, the two markers of points."""
+    from matplotlib.lines import Line2D
+
+    names = {b.name for image in shown for b in template.boundaries.get(str(image.path), ())}
+    lines = [Line2D([], [], color=c, lw=2, label=key) for key, c in EDGE_COLOURS.items() if any(key in name for name in names)]
+    points = [Line2D([], [], ls="", marker=m, color="#ffd700", markeredgecolor="black", label=f"the wearer's {side}")
+              for m, side in ((">", "left"), ("<", "right"))] if shown else []  # fmt: skip
+    return lines + points
+
+
+def _lengths(template: Template) -> str:
+    """Voted lengths and assumed ones, cm, as text."""
+    lines = ["voted lengths, cm", ""]
+    lines += [f"{v.name.replace('_', ' '):<20}{100 * v.value:6.1f} ± {100 * v.sigma:.1f}" for v in template.votes.values()]
+    lines += ["", "assumed", "", *(textwrap.fill(f"{name.replace('_', ' ')}: {how}", 38, subsequent_indent="  ")
+                                   for name, how in template.assumed.items())]  # fmt: skip
+    if template.conflicts:
+        lines += ["", f"{len(template.conflicts)} conflicts (conflicts.csv)"]
+    return "\n".join(lines)
 
 
 def draw_pattern(axes, pattern: Pattern) -> None:

@@ -22,7 +22,7 @@ from reconstruction.measure.vote import WEIGHTS, Conflict, Vote, vote
 from reconstruction.template.accessories import build_hat, build_ribbon
 from reconstruction.template.boundaries import Boundary, find_boundaries
 from reconstruction.template.checks import LOOM_WIDTH, Finding, check
-from reconstruction.template.dimensions import QUARTER, Dimensions, HatDimensions, RibbonDimensions, derive, garment_type
+from reconstruction.template.dimensions import QUARTER, Dimensions, HatDimensions, RibbonDimensions, derive, garment_type, unusual
 from reconstruction.template.neckline import neckline_shape
 from reconstruction.template.panel import Pattern
 from reconstruction.template.straight_cut import build
@@ -118,6 +118,9 @@ def make_template(keypoints: KeypointsFile, garment: str | None = None, loom_wid
     pattern = build_pattern(garment, dimensions, loom_width)
     findings = check(pattern, loom_width)
     findings += [Finding("warning", Path(path).name, f"left out: {reason}") for path, reason in left_out.items()]
+    for name, (value, usual) in unusual(garment, {name: v.value for name, v in votes.items()}).items():
+        text = f"is {100 * value:.0f} cm, of a {garment} usually about {100 * usual:.0f} cm: are type and scale right?"
+        findings.append(Finding("warning", name, text))
     errors = [f"{f.where}: {f.message}" for f in findings if f.level == "error"]
     if errors:
         raise InputError(f"the pattern does not pass its checks: {'; '.join(errors)}. Check the points and the scale of the images")

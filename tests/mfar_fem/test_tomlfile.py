@@ -61,7 +61,7 @@ def test_values_types_and_defaults(file):
     assert file.get("law", "absent", default=7) == 7
     assert file.quantity("law", "parameters", "law.G", unit="N/m") == 5.0
     assert file.quantity("law", "thickness", unit="m", default=None) is None
-    with pytest.raises(DataFileError, match="line 2, column 'top': must be a string, not 1"):
+    with pytest.raises(DataFileError, match="line 2, key 'top': must be a string, not 1"):
         file.get("top", kind=str)
     with pytest.raises(DataFileError, match=r"line 2.*must be a table"):
         file.get("top", "below")
@@ -72,7 +72,7 @@ def test_values_types_and_defaults(file):
 
 
 def test_without_a_file_the_message_still_names_the_key():
-    with pytest.raises(DataFileError, match=r"^column 'law\.name': must be a string"):
+    with pytest.raises(DataFileError, match=r"^key 'law\.name': must be a string"):
         TomlFile({"law": {"name": 3}}).get("law", "name", kind=str)
 
 

@@ -75,7 +75,7 @@ def test_what_cannot_be_read_is_said(value, target, words):
     with pytest.raises(DataFileError) as caught:
         units.parse(value, target, name="thickness", path="f.toml", line=3)
     assert words in str(caught.value)
-    assert str(caught.value).startswith("f.toml, line 3, column 'thickness': ")
+    assert str(caught.value).startswith("f.toml, line 3, key 'thickness': ")
     assert caught.value.exit_code == 2
 
 

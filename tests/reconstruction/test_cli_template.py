@@ -49,6 +49,13 @@ def test_text_output_names_assumptions_and_another_type(folder, tmp_path):
     assert "half-sleeve" in result.stdout and "assumed: slit" in result.stdout and "30.0 cm needs a seam" in result.stdout
 
 
+def test_a_type_that_does_not_fit_the_lengths_is_doubted(folder, tmp_path):
+    right = CliRunner().invoke(app, [str(folder), "--out", str(tmp_path / "a")])
+    wrong = CliRunner().invoke(app, [str(folder), "--out", str(tmp_path / "b"), "--type", "half-sleeve"])
+    assert "are type and scale right?" not in right.stdout
+    assert "garment_length is 138 cm, of a half-sleeve usually about 60 cm" in wrong.stdout.replace("\n", " ")
+
+
 def test_wrong_type_and_missing_file_are_errors(folder, tmp_path):
     result = CliRunner().invoke(app, [str(folder), "--out", str(tmp_path), "--type", "toga"])
     assert "unknown type of garment 'toga'" in str(result.exception)

@@ -12,6 +12,7 @@ from PIL import Image
 
 from mfar_fem.errors import DataFileError
 from reconstruction import sources
+from reconstruction.images import ImageError
 
 TEXT = """
 [[image]]
@@ -115,6 +116,13 @@ def test_a_mark_outside_the_picture_is_found_on_loading(folder):
     rewrite(folder, "to = [50, 0]", "to = [50, 90]")
     rewrite(folder, "101 mm", "206 mm")
     with pytest.raises(DataFileError, match="outside the picture of 80 x 64"):
+        sources.read(folder).load_each()
+
+
+def test_a_damaged_picture_names_its_line(folder):
+    whole = (folder / "b.png").read_bytes()
+    (folder / "b.png").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ImageError, match=r"b\.png: ends too early.*listed in .*sources\.toml, line 10"):
         sources.read(folder).load_each()
 
 

@@ -56,7 +56,7 @@ def test_units_of_every_kind_end_in_si(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "line", "words"),
     [
-        ('"0.1 mm"', '"0.1"', 2, "column 'thickness': unit missing: write e.g. '0.1 mm'"),
+        ('"0.1 mm"', '"0.1"', 2, "key 'thickness': unit missing: write e.g. '0.1 mm'"),
         ('"0.1 mm"', "0.1", 2, "unit missing"),
         ('"0.1 mm"', '"-0.1 mm"', 2, "must be positive"),
         ('"0.1 mm"', '"80 g/m^2"', 2, "a mass per area but a length is needed"),

@@ -147,6 +147,10 @@ def test_what_cannot_be_restored_is_said_at_once(sources, tmp_path, quick):
         RestoreSettings(surface="marching cubes")
     with pytest.raises(InputError, match="draft, standard, reference"):
         RestoreSettings(fidelity="best")
+    with pytest.raises(UnknownNameError, match=r"unknown weighting 'precison'.*did you mean 'precision'"):
+        RestoreSettings(vote="precison")
+    with pytest.raises(InputError, match=r"there is no detector 'none\.pt'"):
+        RestoreSettings(weights="none.pt")
 
 
 def test_dimensions_come_back(tmp_path):
