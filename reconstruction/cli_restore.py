@@ -17,7 +17,9 @@ def restore(
         typer.Argument(metavar="SOURCES", help="Folder of the pictures with its sources.toml; two with camera and mask at least."),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; finished stages in it are kept.")] = Path("out/restored"),
-    garment: Annotated[str, typer.Option("--type", help="round-collar-robe or half-sleeve.")] = "round-collar-robe",
+    garment: Annotated[
+        str, typer.Option("--type", help="round-collar-robe, half-sleeve, flying-ribbon or veil-hat.")
+    ] = "round-collar-robe",
     fabric: Annotated[str, typer.Option(help="Fabric preset, or a file of `mfar calibrate`.")] = "silk-charmeuse",
     fidelity: Annotated[str, typer.Option(help="draft, standard or reference.")] = "standard",
     surface: Annotated[
@@ -68,7 +70,7 @@ def _show(payload: Mapping[str, Any]) -> list[Any]:
 def study_restore(
     seeds: Annotated[int, typer.Option(min=1, help="Garments of each type.")] = 5,
     first: Annotated[int, typer.Option(min=0, help="Seed of the first one.")] = 1,
-    types: Annotated[str, typer.Option(help="Types, with commas.")] = "round-collar-robe,half-sleeve",
+    types: Annotated[str, typer.Option(help="Types, with commas.")] = "round-collar-robe,half-sleeve,flying-ribbon,veil-hat",
     methods: Annotated[str, typer.Option(help="Methods, with commas; all by default.")] = "",
     edge: Annotated[str, typer.Option(help="Edges of the fitted mesh.")] = "30 mm",
     out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; what it holds is kept.")] = Path("out/study-restore"),

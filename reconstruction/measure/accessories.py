@@ -38,7 +38,7 @@ def measure_ribbon(image: ImageKeypoints) -> list[Measurement]:
     A worn ribbon turns and folds: neither length can be read off a figure, and nothing is returned for one (logged).
     """
     if image.kind != "textile" or image.mask is None:
-        log.warning("%s: a ribbon is measured on the mask of a textile laid flat only; nothing measured here", image.name)
+        log.info("%s: a ribbon is measured on the mask of a textile laid flat only; nothing measured here", image.name)
         return []
     scale = image_scale(image)
     sides = smallest_rectangle(contour(read_mask(image.mask, image.size)))
@@ -52,7 +52,7 @@ def measure_hat(image: ImageKeypoints) -> list[Measurement]:
     A hat taken apart and laid flat as a textile shows no distance between two of its parts: nothing is returned for one (logged).
     """
     if image.kind == "textile":
-        log.warning("%s: a hat is measured on figures only, its parts laid flat are not; nothing measured here", image.name)
+        log.info("%s: a hat is measured on figures only, its parts laid flat are not; nothing measured here", image.name)
         return []
     scale = image_scale(image)
     points, found = image.points, []

@@ -35,8 +35,6 @@ from reconstruction.template.dimensions import TDimensions, derive, garment_type
 ORDER = ("fusion", "keypoints", "template", "points", "surface", "drape", "report")
 """The stages."""
 REPORT = "report.html"
-RESTORED = ("round-collar-robe", "half-sleeve")
-"""Types of garments whose shape can be fitted."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +71,7 @@ class RestoreSettings:
     seed: int = 0
 
     def __post_init__(self):
-        if garment_type(self.garment) not in RESTORED:
-            raise InputError(f"a {self.garment} cannot be restored yet; {' and '.join(RESTORED)} can")
+        garment_type(self.garment)
         effort(self.fidelity)
         if self.vote not in WEIGHTINGS:
             raise UnknownNameError(f"unknown weighting '{self.vote}' of the vote{suggest(self.vote, WEIGHTINGS)}")
@@ -139,7 +136,7 @@ def restore(
     shape_settings = FitSettings(edge=effort(s.fidelity).edge)
     run(
         "points",
-        1,
+        2,
         lambda at: _points(sources, points_file, dimensions, at, shape_settings),
         after=["keypoints", "template"],
         files=files,
@@ -172,7 +169,7 @@ def restore(
         lambda at: write_pages(sources, dict(stages.done), s, at),
         after=list(stages.done),
         files=[sources.path],
-        options=repr(replace(s, weights="")),
+        options=repr(replace(s, weights="shipped")),
     )
     tell("done")
     rows = [d.row() for d in stages.done.values()]
@@ -285,7 +282,7 @@ def _points(sources: SourceSet, points_file: Path, dimensions: Path, at: Path, s
         figure_faces=figure.faces,
         origin=shape.frame.origin,
         axes=shape.frame.axes,
-        **_openings(sewn.openings),
+        **_openings(sewn.openings | ({"held": shape.pinned} if len(shape.pinned) else {})),
     )
     TriangleMesh(local, sewn.faces).write(at / "shape.ply")
     outlines_picture(at / "outlines.png", views, shape)

@@ -29,7 +29,7 @@ METHODS = {
     "restored": "template, landmarks, outlines and stereo",
     "template only": "template hung on the landmarks; no outline, no depth",
     "outlines only": "the same with outlines, without depths",
-    "true points": "as restored, with the true landmarks (oracle)",
+    "true points": "as restored, with the true landmarks, in the pictures (for the template) and in space (oracle)",
     "true depth": "as restored, with the true depths of the same pictures (oracle)",
     "poisson": "as restored, then (9) through its points, trimmed, remeshed, ARAP",
     "MVS": "plane sweep, consistency, fusion, Poisson; no template",
@@ -73,6 +73,7 @@ def compare(
         truth = TriangleMesh(stored["vertices"], stored["faces"])
         true_points = SpacePoints(stored["keypoints"], np.full(12, ORACLE_SIGMA), np.full(12, len(views)))
     dimensions = make_template(points, garment, weighting="precision").dimensions
+    drawn = read_keypoints(folder / "truth" / "keypoints.json")
     found = triangulate([v.camera for v in views], pixels, sigma)
     exact, caster = {}, Caster(truth)
     for view in views:
@@ -84,7 +85,9 @@ def compare(
     }
 
     def fit(method: str):
-        return fit_shape(garment, dimensions, true_points if method == "true points" else found, views, stature(sources),
+        oracle = method == "true points"
+        cut = make_template(drawn, garment, weighting="precision").dimensions if oracle else dimensions
+        return fit_shape(garment, cut, true_points if oracle else found, views, stature(sources),
                          settings.get(method, FitSettings(edge=edge)), given=exact if method == "true depth" else None)  # fmt: skip
 
     rows, fitted = [], None

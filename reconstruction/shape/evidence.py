@@ -33,12 +33,12 @@ STRIDE = 2
 
 
 class Caster:
-    """A mesh that rays are cast at, from any number of views."""
+    """A mesh that rays are cast at, from any number of views; of a two-sided one both faces belong to the masks."""
 
-    def __init__(self, mesh: TriangleMesh):
+    def __init__(self, mesh: TriangleMesh, two_sided: bool = False):
         trimesh = optional("trimesh", "drawing a mesh needs")
         embree = optional("trimesh.ray.ray_pyembree", "drawing a mesh needs")
-        self.mesh = mesh
+        self.mesh, self.two_sided = mesh, two_sided
         self._embree = embree.RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
 
     def cast(self, view: View, stride: int = STRIDE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,7 +66,7 @@ class Drawn:
     face : (h, w) array of int
         Triangle of the garment; -1: figure or nothing.
     outer : (h, w) bool array
-        Whether the garment's outer side is seen.
+        Whether the garment's outer side is seen; of a two-sided one, whether it is seen.
     """
 
     depth: np.ndarray
@@ -87,7 +87,7 @@ def draw(view: View, garment: Caster, figure: np.ndarray | None = None, stride: 
     if figure is not None:
         hidden = figure + THICK < depth
         hit, depth = np.where(hidden, -1, hit), np.where(hidden, figure, depth)
-    return Drawn(depth, hit, (hit >= 0) & (facing < 0))
+    return Drawn(depth, hit, (hit >= 0) & (garment.two_sided | (facing < 0)))
 
 
 class Outline:
@@ -106,7 +106,7 @@ class Seen:
     ----------
     visible : (nv,) bool array
     facing : (nv,) array
-        Cosine between the outer normal and the way to the camera.
+        Cosine between the outer normal (of a cloth without an outside the one that is seen) and the way to the camera.
     pixels : (nv, 2) array
     depth : (nv,) array
         m.
@@ -118,13 +118,14 @@ class Seen:
     depth: np.ndarray
 
 
-def seen(view: View, drawn: Drawn, mesh: TriangleMesh) -> Seen:
+def seen(view: View, drawn: Drawn, mesh: TriangleMesh, outside: bool = True) -> Seen:
     """Which vertices a view sees, and where."""
     pixels, depth = view.project(mesh.vertices)
     i, j = _cells(pixels, drawn.depth.shape)
     inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] <= view.size[1] - 1) & (pixels[:, 1] <= view.size[0] - 1) & (depth > 0)
     way = view.centre - mesh.vertices
     facing = np.einsum("ni,ni->n", mesh.vertex_normals, way / np.linalg.norm(way, axis=1)[:, None])
+    facing = facing if outside else np.abs(facing)
     return Seen(inside & (depth <= drawn.depth[i, j] + HIDDEN), facing, pixels, depth)
 
 

@@ -8,9 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from mfar_fem.errors import InputError
-from reconstruction.landmarks import INDEX
-from reconstruction.measure.ellipse import perimeter
 from reconstruction.shape.cloth import Cloth, ClothSettings
 from reconstruction.shape.evidence import (
     FIRM,
@@ -25,14 +22,14 @@ from reconstruction.shape.evidence import (
     outline_targets,
     seen,
 )  # fmt: skip
-from reconstruction.shape.frame import BodyFrame, body_frame
+from reconstruction.shape.frame import BodyFrame
 from reconstruction.shape.landmarks3d import SpacePoints
-from reconstruction.shape.mannequin import Mannequin, mannequin
-from reconstruction.shape.placing import SHOULDER, folds, place_tunic
-from reconstruction.shape.sewn import BACK, FRONT, Sewn, sew
+from reconstruction.shape.mannequin import Mannequin
+from reconstruction.shape.sewn import Sewn
+from reconstruction.shape.wearing import LEAST_GATHERED, put_on
 from reconstruction.stereo.sweep import DepthMap, sweep
 from reconstruction.stereo.view import View
-from reconstruction.template.dimensions import Dimensions, TDimensions
+from reconstruction.template.dimensions import Dimensions
 
 
 @dataclass(frozen=True)
@@ -69,6 +66,8 @@ class Shape:
     frame : BodyFrame
     facts : dict
         Plain values: differences that are left, by view.
+    pinned : (k,) array of int
+        Vertices that hands, pins or a head hold; empty where the figure carries the garment.
     """
 
     sewn: Sewn
@@ -78,6 +77,7 @@ class Shape:
     body: Mannequin
     frame: BodyFrame
     facts: dict
+    pinned: np.ndarray
 
 
 def fit_shape(
@@ -115,30 +115,20 @@ def fit_shape(
     """
     s = settings or FitSettings()
     tick = progress or (lambda n: None)
-    if not isinstance(dimensions, TDimensions):
-        raise InputError(f"the shape of a {garment} cannot be fitted yet; only garments with sleeves can")
-    frame = body_frame(points)
+    worn = put_on(garment, dimensions, points, stature, s.edge)
+    sewn, body, frame = worn.sewn, worn.body, worn.frame
     views = [View(v.name, v.image, frame.camera(v.camera), v.mask) for v in views]
-    places = frame.to_body(points.points)
-    lines = folds(places, dimensions, stature)
-    middle = np.mean([line[min(1, len(line) - 1)][1] for line in lines])
-    body = mannequin(stature, tuple(line[1:] if len(line) > 2 else line for line in lines), (0.0, middle))
-    sewn = sew(garment, dimensions, s.edge)
-    start = place_tunic(sewn, dimensions, lines, body)
-    belted = garment in BELTED
-    gathered = gathering(dimensions, places) if belted else 1.0
-    belt = _belt(sewn, dimensions, places) if belted else np.zeros(0, dtype=int)
-    known = _known(sewn, dimensions, places, points.sigma, stature)
-    cloth = Cloth(sewn, start, None, replace(s.cloth, compressed=min(s.cloth.compressed, max(gathered, LEAST_GATHERED))))
-    top = np.where((sewn.layer < 0) & (sewn.uv[:, 1] < 1e-9), 20.0, 0.0)
+    compressed = min(s.cloth.compressed, max(worn.gathered, LEAST_GATHERED))
+    cloth = Cloth(sewn, worn.start, None, replace(s.cloth, compressed=compressed))
     for _ in range(10):  # out of the worst distortion, weightless and through the figure
-        cloth.step(top, start, 0.0)
+        cloth.step(worn.firm, worn.start, 0.0)
     cloth.body, cloth.velocity = body, np.zeros_like(cloth.x)
 
     def asked() -> Targets:
         targets = Targets(len(cloth.x))
-        landmark_targets(targets, known)
-        _tighten(targets, cloth, belt)
+        landmark_targets(targets, worn.known)
+        _tighten(targets, cloth, worn.belt)
+        targets.add("template", worn.stiff, worn.start[worn.stiff], 10 * FIRM * cloth.vertex_area[worn.stiff])
         return targets
 
     targets = asked()
@@ -146,38 +136,38 @@ def fit_shape(
         targets = asked()
         cloth.step(targets.weight, targets.places)
         tick(1)
-    facts: dict = {"outline": {}, "depth_m": {}, "gathered": gathered, "belt": bool(len(belt))}
+    facts: dict = {"outline": {}, "depth_m": {}, "gathered": worn.gathered, "belt": bool(len(worn.belt))}
     outlines = [Outline(view) for view in views]
     hidden = _depths(body, views)
     depths: dict[str, DepthMap] = {}
     early = s.outline if s.outlines else 0
     for k in range(early + (s.depth if s.depths else 0)):
         if k == early:
-            depths = depth_maps(cloth, views) if given is None else _given(views, given)
+            depths = depth_maps(cloth, views, worn.reach) if given is None else _given(views, given)
             cloth.body = _withdrawn(body, list(depths.values()))
             hidden = _depths(cloth.body, views)
             facts["figure_moved_m"] = float(cloth.body.centre[1] - body.centre[1])
         targets = asked()
         mesh = sewn.mesh(cloth.x)
-        caster = Caster(mesh)
+        caster = Caster(mesh, sewn.two_sided)
         for view, outline, figure in zip(views, outlines, hidden, strict=True):
             drawn = draw(view, caster, figure)
-            at = seen(view, drawn, mesh)
+            at = seen(view, drawn, mesh, sewn.outside)
             if s.outlines:
                 facts["outline"][view.name] = outline_targets(targets, view, outline, drawn, at, cloth)
             if view.name in depths:
-                gate = max(0.05, 0.1 * 0.85 ** (k - early))
+                gate = max(0.05, 1.25 * worn.reach * 0.85 ** (k - early))
                 facts["depth_m"][view.name] = depth_targets(targets, depths[view.name], at, cloth, gate)
         cloth.step(targets.weight, targets.places)
         tick(1)
     sigma, source = _support(cloth, targets)
-    return Shape(sewn, frame.to_world(cloth.x), sigma, source, cloth.body, frame, facts)
+    return Shape(sewn, frame.to_world(cloth.x), sigma, source, cloth.body, frame, facts, worn.pinned)
 
 
 def depth_maps(cloth: Cloth, views: Sequence[View], reach: float = 0.08, pixels: float = 0.5) -> dict[str, DepthMap]:
     """Depths of every view that has a neighbour, by name, sought about what the shape makes expect."""
     found = {}
-    caster = Caster(cloth.sewn.mesh(cloth.x))
+    caster = Caster(cloth.sewn.mesh(cloth.x), cloth.sewn.two_sided)
     figures = [None] * len(views) if cloth.body is None else _depths(cloth.body, views, 1)
     for view, figure in zip(views, figures, strict=True):
         others = view.neighbours(views)
@@ -222,57 +212,6 @@ def _filled(expected: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Expected depths also where the mask reaches beyond the drawn shape: those of the nearest drawn pixel."""
     index = distance_transform_edt(~np.isfinite(expected), return_distances=False, return_indices=True)
     return np.where(mask, expected[tuple(index)], np.nan)
-
-
-def _known(sewn: Sewn, d: TDimensions, places, sigma, stature: float) -> list[tuple[int, np.ndarray, float]]:
-    """Vertices of the landmarks with their places; of the waist the height on the garment is not known."""
-    shoulder = SHOULDER * stature
-    cuff = 0.5 * d.cross_sleeve_width
-    flat = {
-        "neckline": (0.5 * d.neck_width, 0.0),
-        "shoulder": (shoulder, 0.0),
-        "elbow": (0.5 * (shoulder + cuff), 0.0),
-        "wrist": (cuff, 0.0),
-        "ankle": (0.5 * d.hem_width, d.length),
-    }
-    out = []
-    for part, (u, v) in flat.items():
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            k = INDEX[f"{side}_{part}"]
-            if np.isfinite(places[k]).all():
-                ids = {sewn.nearest((sign * u, v), layer) for layer in (FRONT, BACK)}
-                out += [(vertex, places[k], float(sigma[k])) for vertex in sorted(ids)]
-    return out
-
-
-FLAT = 0.75
-"""Depth over width of a garment about a figure that hangs without being gathered, at most (assumption)."""
-BELTED = ("round-collar-robe",)
-"""Types that are worn with a belt (as the robes of Tang figures are)."""
-LEAST_GATHERED = 0.8
-"""No more than this is believed of gathering."""
-
-
-def gathering(d: TDimensions, places) -> float:
-    """Girth that the waist's width allows over the girth that was cut; at most 1.
-
-    The garment's girth at the height of the waist is twice its flat width; an ellipse as wide as the waist's landmarks are apart
-    and :data:`FLAT` as deep is the most that an ungathered garment shows.
-    """
-    left, right = (places[INDEX[f"{side}_waist"]] for side in ("left", "right"))
-    if not (np.isfinite(left).all() and np.isfinite(right).all()):
-        return 1.0
-    width = float(np.linalg.norm(left - right))
-    down = -0.5 * (left + right)[2]
-    flat = np.interp(down, [d.armhole_depth, d.length], [d.body_width, d.hem_width])
-    return float(min(1.0, perimeter(width, FLAT * width) / (2 * flat)))
-
-
-def _belt(sewn: Sewn, d: TDimensions, places) -> np.ndarray:
-    """Vertices under a belt: those of the trunk at the height of the waist's landmarks, flat."""
-    down = -0.5 * (places[INDEX["left_waist"]] + places[INDEX["right_waist"]])[2]
-    wide = np.interp(sewn.uv[:, 1], [d.armhole_depth, d.length], [d.body_width, d.hem_width]) / 2
-    return np.flatnonzero((np.abs(sewn.uv[:, 1] - down) < 0.02) & (np.abs(sewn.uv[:, 0]) < wide + 1e-6))
 
 
 def _tighten(targets: Targets, cloth: Cloth, belt: np.ndarray) -> None:

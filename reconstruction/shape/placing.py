@@ -14,7 +14,7 @@ SHOULDER = 0.122
 """Shoulder point from the middle along the fold, over the stature (half the biacromial breadth, Drillis & Contini 1966)."""
 
 
-def folds(points, d: TDimensions, stature: float) -> tuple[np.ndarray, np.ndarray]:
+def folds(points, neck_width: float, stature: float) -> tuple[np.ndarray, np.ndarray]:
     """The lines from the neckline along the top of both sleeves, (n, 3), m, from landmarks (12, 3) in the wearer's axes.
 
     Missing points are mirrored from the other side, or put where a spread arm would have them.
@@ -30,7 +30,7 @@ def folds(points, d: TDimensions, stature: float) -> tuple[np.ndarray, np.ndarra
             elif np.isfinite(q).all():
                 found.append(q * (-1, 1, 1))
         if len(found) < 2:
-            found = [np.array([sign * 0.5 * d.neck_width, 0.0, 0.0]), np.array([sign * SHOULDER * stature, 0.0, -0.03])]
+            found = [np.array([sign * 0.5 * neck_width, 0.0, 0.0]), np.array([sign * SHOULDER * stature, 0.0, -0.03])]
         lines.append(np.array(found))
     return lines[0], lines[1]
 

@@ -48,6 +48,10 @@ class Sewn:
         :data:`FRONT` or :data:`BACK`; -1 on both.
     openings : dict of str to array of int
         Vertices along the free edges, in order.
+    two_sided : bool
+        Whether both faces are seen (a ribbon, a veil), and belong to masks.
+    outside : bool
+        Whether one face is the outside, next to nothing; of a ribbon either may be.
     """
 
     garment: str
@@ -59,6 +63,8 @@ class Sewn:
     warp: np.ndarray
     layer: np.ndarray
     openings: dict[str, np.ndarray] = field(default_factory=dict)
+    two_sided: bool = False
+    outside: bool = True
 
     def nearest(self, uv, layer: int | None = None) -> int:
         """The vertex next to a flat place, of one layer if one is given."""
@@ -102,7 +108,9 @@ def sew(garment: str, dimensions: Dimensions, edge: float) -> Sewn:
     if isinstance(dimensions, RibbonDimensions):
         return _strip(garment, dimensions, edge)
     if isinstance(dimensions, HatDimensions):
-        raise InputError("a veil hat has no sewn outer layer here yet; its shape cannot be restored")
+        from reconstruction.shape.sewn_hat import sew_hat
+
+        return sew_hat(dimensions, edge)
     raise InputError(f"no rule to sew {type(dimensions).__name__}")
 
 
@@ -183,6 +191,8 @@ def _strip(garment: str, d: RibbonDimensions, edge: float) -> Sewn:
         np.tile([1.0, 0.0], (len(faces), 1)),
         np.full(len(points), FRONT),
         {"edge": np.arange(len(rim))},
+        two_sided=True,
+        outside=False,
     )
 
 

@@ -78,6 +78,9 @@ def _poisson(fitted: TriangleMesh, sigma, edge: float, openings, actions: list[s
     rim = made.mesh.boundary_vertices
     found = {}
     for name, ids in openings.items():
+        if name == "held":  # anywhere, not on a rim
+            found[name] = np.unique(cKDTree(made.mesh.vertices).query(x[ids])[1])
+            continue
         distance = cKDTree(x[ids]).query(made.mesh.vertices[rim])[0]
         found[name] = rim[distance < edge]
     return made.mesh, found

@@ -141,8 +141,6 @@ def test_what_cannot_be_restored_is_said_at_once(sources, tmp_path, quick):
         restore(sources, tmp_path / "out", RestoreSettings(garment="half-sleeve", fabric="silk-charmeus"))
     with pytest.raises(UnknownNameError, match="half-sleev"):
         RestoreSettings(garment="half-sleev")
-    with pytest.raises(InputError, match="veil-hat cannot be restored yet; round-collar-robe and half-sleeve can"):
-        RestoreSettings(garment="veil-hat")
     with pytest.raises(InputError, match="by poisson"):
         RestoreSettings(surface="marching cubes")
     with pytest.raises(InputError, match="draft, standard, reference"):

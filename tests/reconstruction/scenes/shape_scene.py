@@ -7,10 +7,9 @@ import numpy as np
 from reconstruction.landmarks import INDEX, LANDMARKS
 from reconstruction.shape.cloth import Cloth, ClothSettings
 from reconstruction.shape.evidence import Caster
-from reconstruction.shape.fit import SHOULDER
 from reconstruction.shape.landmarks3d import SpacePoints
 from reconstruction.shape.mannequin import mannequin
-from reconstruction.shape.placing import folds, place_tunic
+from reconstruction.shape.placing import SHOULDER, folds, place_tunic
 from reconstruction.shape.sewn import sew
 from reconstruction.stereo.view import View
 from reconstruction.template.dimensions import TDimensions
@@ -41,7 +40,7 @@ def places():
 def scene():
     """Vertices and sewn pattern of the truth, views with masks, depths by view, landmarks on the cloth."""
     d = dimensions()
-    lines = folds(places(), d, STATURE)
+    lines = folds(places(), d.neck_width, STATURE)
     body = mannequin(1.08 * STATURE, tuple(line[1:] for line in lines), (0.0, 0.02))
     sewn = sew("half-sleeve", d, 0.03)
     start = place_tunic(sewn, d, lines, body)

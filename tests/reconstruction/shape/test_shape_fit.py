@@ -7,8 +7,9 @@ import pytest
 from shape_scene import STATURE, dimensions, scene
 
 from mfar_fem.errors import InputError
-from reconstruction.shape.fit import FitSettings, fit_shape, gathering
+from reconstruction.shape.fit import FitSettings, fit_shape
 from reconstruction.shape.points import SOURCES, PointSet, sample
+from reconstruction.shape.wearing import gathering
 from reconstruction.surface.analytic import mesh_distance
 from reconstruction.template.dimensions import RibbonDimensions
 
@@ -82,7 +83,7 @@ def test_gathering():
     assert gathering(d, places) == 1.0
 
 
-def test_other_garments_are_refused_by_name():
+def test_a_ribbon_that_does_not_reach_is_refused_by_name():
     _, _, views, _, points = scene()
-    with pytest.raises(InputError, match="flying-ribbon cannot be fitted yet"):
-        fit_shape("flying-ribbon", RibbonDimensions(2.0, 0.4), points, views, STATURE)
+    with pytest.raises(InputError, match=r"0\.80 m long does not reach"):
+        fit_shape("flying-ribbon", RibbonDimensions(0.8, 0.4), points, views, STATURE)
