@@ -6,7 +6,7 @@ import itertools
 import math
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -45,7 +45,8 @@ def write_overview(path, template: Template, images: Sequence[ImageKeypoints]) -
     rows = math.ceil(len(shown) / COLUMNS) if shown else 1
     figure = Figure(figsize=(16, 4.2 * rows + 9), layout="constrained")
     FigureCanvasAgg(figure)
-    top, bottom = figure.subfigures(2, 1, height_ratios=[4.2 * rows, 9])
+    parts: Any = figure.subfigures(2, 1, height_ratios=[4.2 * rows, 9])
+    top, bottom = parts
     grid = top.add_gridspec(rows, columns)
     for i, image in enumerate(shown):
         _draw_image(top.add_subplot(grid[divmod(i, COLUMNS)]), image, template)
