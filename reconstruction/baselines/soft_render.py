@@ -61,11 +61,10 @@ def render(vertices, faces, colours, camera, size: tuple[int, int], softness: So
     normal = torch.stack([-edges[..., 1], edges[..., 0]], dim=-1) * torch.sign(double_area)[:, None, None]
     normal = normal / (edges.norm(dim=-1, keepdim=True) * softness.edge + 1e-12)
     shift = (normal * corners).sum(dim=-1)
-    inside = None
+    inside = torch.ones((), dtype=vertices.dtype)
     for k in range(3):
-        factor = torch.sigmoid(pixels @ normal[:, k].T - shift[:, k])
-        inside = factor if inside is None else inside * factor
-    coverage = inside.sum(dim=1).clamp(max=1)  # of triangles side by side one sum: 1 - prod(1 - inside) would leave their seams bare
+        inside = inside * torch.sigmoid(pixels @ normal[:, k].T - shift[:, k])
+    coverage = inside.sum(dim=1).clamp(max=1)  # triangles side by side add up: 1 - prod(1 - inside) would leave their seams bare
     mean_depth = depth[faces].mean(dim=1)
     weight = inside * torch.exp(-(mean_depth - mean_depth.min().detach()) / softness.depth)
     picture = (weight @ colours) / (weight.sum(dim=1, keepdim=True) + 1e-9)
