@@ -12,7 +12,9 @@ import numpy as np
 
 from mfar_fem.errors import MfarError
 from reconstruction.baselines.mvs import mvs
+from reconstruction.baselines.pix2vex import pix2vex
 from reconstruction.keypoints_file import read_keypoints
+from reconstruction.metrics.distance import distances
 from reconstruction.restore.pipeline import calibrated_views, stature
 from reconstruction.shape.evidence import Caster
 from reconstruction.shape.fit import FitSettings, fit_shape
@@ -20,8 +22,6 @@ from reconstruction.shape.landmarks3d import SpacePoints, triangulate
 from reconstruction.shape.simulation_mesh import simulation_mesh
 from reconstruction.sources import read
 from reconstruction.style.bootstrap import mean_interval
-from reconstruction.surface.analytic import curve_distances, mesh_distance, sample_mesh
-from reconstruction.surface.connectivity import boundary_loops
 from reconstruction.surface.triangles import TriangleMesh
 from reconstruction.template.pipeline import make_template
 
@@ -33,40 +33,23 @@ METHODS = {
     "true depth": "as restored, with the true depths of the same pictures (oracle)",
     "poisson": "as restored, then (9) through its points, trimmed, remeshed, ARAP",
     "MVS": "plane sweep, consistency, fusion, Poisson; no template",
+    "Pix2Vex": "smooth differentiable renderer, from a sphere; no template",
+    "Pix2Vex from template": "the same from the template hung on the landmarks (edges of 60 mm)",
 }
 """What is compared."""
-SAMPLES = 20_000
+COARSE = 0.06
+"""Edges of the template that Pix2Vex starts from, m: what it can draw in the time."""
 ORACLE_SIGMA = 1e-3
 """Standard deviation given to oracles, m."""
 
 
-def distances(mesh: TriangleMesh, truth: TriangleMesh, seed: int = 0) -> dict[str, float]:
-    """Distances in mm of random points of each surface from the other (exact point to triangle), and of their rims.
-
-    ``mean`` is the mean of both directions' means; ``floor`` what two samplings of the *true* surface would differ by if points
-    were compared with points instead.
-    """
-    from scipy.spatial import cKDTree
-
-    rng = np.random.default_rng(seed)
-    ours, _ = sample_mesh(mesh, SAMPLES, rng)
-    theirs, _ = sample_mesh(truth, SAMPLES, rng)
-    again, _ = sample_mesh(truth, SAMPLES, rng)
-    off, missing = mesh_distance(ours, truth), mesh_distance(theirs, mesh)
-    out = {"mean": 0.5 * (off.mean() + missing.mean()), "off_mean": off.mean(), "off_median": np.median(off),
-           "off_95": np.percentile(off, 95), "missing_mean": missing.mean(), "missing_median": np.median(missing),
-           "missing_95": np.percentile(missing, 95), "largest": max(off.max(), missing.max()),
-           "floor": cKDTree(again).query(theirs)[0].mean()}  # fmt: skip
-    loops = [[m.vertices[c] for c in boundary_loops(m.faces)] for m in (mesh, truth)]
-    if all(loops):
-        out["rim_mean"] = curve_distances(*loops).mean()
-    return {name: 1e3 * float(value) for name, value in out.items()}
-
-
 def compare(
-    folder: Path, detected: Path, garment: str, edge: float, methods: Sequence[str] = tuple(METHODS)
+    folder: Path, detected: Path, garment: str, edge: float, methods: Sequence[str] = tuple(METHODS), meshes: Path | None = None
 ) -> list[dict[str, Any]]:
-    """Rows of one case of ``mfar benchmark-case``: ``method``, distances in mm, ``seconds``; ``why`` where a method failed."""
+    """Rows of one case of ``mfar benchmark-case``: ``method``, distances in mm, ``seconds``; ``why`` where a method failed.
+
+    What each method made is written to `meshes` as ``<method>.ply``.
+    """
     sources, points = read(folder), read_keypoints(detected)
     views, pixels, sigma = calibrated_views(sources, points)
     with np.load(folder / "truth" / "geometry.npz") as stored:
@@ -97,6 +80,12 @@ def compare(
         try:
             if method == "MVS":
                 mesh = mvs(views).mesh
+            elif method == "Pix2Vex":
+                mesh = pix2vex(views).mesh
+            elif method == "Pix2Vex from template":
+                hung = fit_shape(garment, dimensions, found, views, stature(sources),
+                                 FitSettings(edge=COARSE, outlines=False, depths=False))  # fmt: skip
+                mesh = pix2vex(views, hung.sewn.mesh(hung.vertices)).mesh
             elif method == "poisson":
                 fitted = fitted or fit("restored")
                 begin = time.perf_counter()  # of what it adds
@@ -107,6 +96,9 @@ def compare(
                 if method == "restored":
                     fitted = shape
             seconds = time.perf_counter() - begin
+            if meshes is not None:
+                meshes.mkdir(parents=True, exist_ok=True)
+                mesh.write(meshes / f"{method.replace(' ', '-')}.ply")
             rows.append(row | distances(mesh, truth) | {"seconds": seconds, "why": ""})
         except MfarError as error:
             rows.append(row | {"seconds": time.perf_counter() - begin, "why": str(error)})
@@ -149,7 +141,7 @@ def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float 
             known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
             missing = [m for m in methods if m not in {row["method"] for row in known}]
             if missing:
-                more = compare(folder, points / FILE, garment, edge, missing)
+                more = compare(folder, points / FILE, garment, edge, missing, out / "meshes" / kept.stem)
                 known += [{"seed": seed, "edge_mm": 1e3 * edge} | row for row in more]
                 kept.parent.mkdir(parents=True, exist_ok=True)
                 kept.write_text(json.dumps(known, indent=1), encoding="utf-8")

@@ -1,0 +1,1 @@
+"""How near a restored garment comes to a known one: distances, normals, folds, features."""
