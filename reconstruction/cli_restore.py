@@ -84,7 +84,9 @@ def study_restore(
     from mfar_fem.cli.console import jsonable
     from mfar_fem.errors import UnknownNameError
     from mfar_fem.tomlfile import suggest
+    from reconstruction.restore.scores import scores
     from reconstruction.restore.study import METHODS, study
+    from reconstruction.restore.study_report import write_study_report
     from reconstruction.template.dimensions import garment_type
 
     garments = [garment_type(name.strip()) for name in types.split(",") if name.strip()]
@@ -94,7 +96,11 @@ def study_restore(
             raise UnknownNameError(f"unknown method '{name}'{suggest(name, METHODS)}")
     folder = check_writable(out)
     with progress("garments", total=seeds * len(garments), quiet=as_json) as advance:
-        payload = study(folder, garments, range(first, first + seeds), units.parse(edge, "m", name="--edge"), chosen, advance)
+        length = units.parse(edge, "m", name="--edge")
+        payload = study(folder, garments, range(first, first + seeds), length, chosen, advance)
+    with progress("folds, features, report", quiet=as_json):
+        scored = scores(folder, [(garment, seed) for seed in range(first, first + seeds) for garment in garments], length)
+        payload["report"] = write_study_report(folder, payload["rows"], scored)
     (folder / "study.json").write_text(json.dumps(jsonable(payload), indent=1) + "\n", encoding="utf-8")
     for name in ("rows", "summary"):
         columns = list(dict.fromkeys(key for row in payload[name] for key in row))
@@ -120,4 +126,4 @@ def _show_study(payload: Mapping[str, Any]) -> list[Any]:
         table.add_row(r["garment"], r["method"], f"{r['mean']:.1f} ({r['mean_low']:.1f} to {r['mean_high']:.1f})", worse,
                       f"{r['off_mean']:.1f}", f"{r['missing_mean']:.1f}", rim, f"{r['largest']:.0f}", f"{r['failed']}/{r['cases']}",
                       f"{r['seconds']:.0f}")  # fmt: skip
-    return [table, f"written to {payload['out']}: rows.csv, summary.csv, study.json"]
+    return [table, f"written to {payload['out']}: rows.csv, summary.csv, study.json, report.html, experts/"]

@@ -3,8 +3,8 @@
 The paper has 27 typical features in five groups (7 collar and closure, 6 sleeve and hem, 5 silhouette, 5 accessories, 4 texture and
 pattern), judged by three experts; it does not list them. These are ours. The extractor reads a bare mesh (its openings and
 sections), knows nothing of landmarks, template or the rules that training used, and answers twenty-three of them; the four of
-texture need colours that the meshes here do not have and are left to experts. A rate of agreement is read beside its chance level: that of
-unrelated garments (:func:`chance`).
+texture need colours that the meshes here do not have and are left to experts. A rate of agreement is read beside its chance
+level: that of unrelated garments (:func:`chance`).
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def _of_the_neck(neck, top: float, middle: float) -> dict[str, bool | None]:
 
 
 def _widths(mesh: TriangleMesh, middle: float, at, reach: float = 0.45) -> np.ndarray:
-    """Width and depth (k, 2), m, of the trunk (vertices within the reach of the axis) at heights given as shares from the bottom."""
+    """Width and depth (k, 2), m, of the trunk (vertices within `reach` of the axis) at heights given as shares from the bottom."""
     x = mesh.vertices[np.abs(mesh.vertices[:, 0] - middle) < reach]
     low, size = mesh.vertices[:, 2].min(), np.ptp(mesh.vertices[:, 2])
     out = []

@@ -1,0 +1,94 @@
+"""Scores and report of a study whose cases are pleated tubes."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("igl")
+pytest.importorskip("embreex")
+
+from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
+from reconstruction.restore.scores import scores
+from reconstruction.restore.study_report import feature_estimates, fold_estimates, keypoint_estimates, write_study_report
+from reconstruction.surface.triangles import TriangleMesh
+
+
+def tube(folds, flare=0.0, phase=0.0, n=160, m=60):
+    v, t = np.meshgrid(2 * np.pi * np.arange(n) / n, np.linspace(0, 1, m + 1))
+    r = 0.25 + flare * (1 - t) + 0.012 * np.cos(folds * v + phase)
+    x = np.stack([r * np.cos(v), r * np.sin(v), t], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(n), np.arange(m))
+    a, b = j * n + i, j * n + (i + 1) % n
+    faces = [np.stack([a, b, b + n], -1).reshape(-1, 3), np.stack([a, b + n, a + n], -1).reshape(-1, 3)]
+    return TriangleMesh(x, np.concatenate(faces))
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    out = tmp_path_factory.mktemp("study")
+    rng = np.random.default_rng(0)
+    rows = []
+    for seed, folds in ((1, 14), (2, 19), (3, 24)):
+        case = out / "cases" / f"half-sleeve-{seed}"
+        (case / "truth").mkdir(parents=True)
+        truth = tube(folds)
+        np.savez(case / "truth" / "geometry.npz", vertices=truth.vertices, faces=truth.faces)
+        points = rng.uniform(50, 200, (12, 2))
+        found = out / "keypoints" / case.name
+        found.mkdir(parents=True)
+        for path, shift in ((case / "truth", 0.0), (found, 3.0)):
+            image = ImageKeypoints.of(out / "a.png", "mural", points + np.array([shift, 4.0 * bool(shift)]), size=(384, 512))
+            write_keypoints(path / "keypoints.json", KeypointsFile((image,), "half-sleeve"))
+        meshes = out / "meshes" / f"{case.name}-30mm"
+        meshes.mkdir(parents=True)
+        made = {"restored": truth, "MVS": tube(folds, phase=np.pi), "Pix2Vex": tube(9, flare=0.15)}
+        for method, mesh in made.items():
+            mesh.write(meshes / f"{method}.ply")
+            rows.append({"garment": "half-sleeve", "seed": seed, "method": method, "mean": 5.0 + seed, "seconds": 10.0, "why": ""})
+    return out, rows, scores(out, [("half-sleeve", s) for s in (1, 2, 3)], 0.03)
+
+
+def test_what_is_the_truth_scores_fully_and_shifted_folds_only_in_the_spectrum(study):
+    _, _, scored = study
+    for s in scored:
+        best, shifted, other = (s["methods"][m] for m in ("restored", "MVS", "Pix2Vex"))
+        assert best["mean"] < 1e-2 and best["agreement"] > 0.999 and best["spectrum"] > 0.999
+        assert shifted["agreement"] < 0.5 and shifted["spectrum"] > 0.8 > other["spectrum"]
+        assert all(same == asked for same, asked in best["features"].values())
+    folds, nulls = fold_estimates(scored, "agreement")
+    assert {e.method for e in folds} == {"MFAR", "MVS", "Pix2Vex"} and nulls["unrelated garments"][1] < 0.9
+
+
+def test_errors_of_points_are_those_of_pictures_256_px_high(study):
+    found = keypoint_estimates(study[2])
+    assert len(found) == 12
+    assert all(e.value == pytest.approx(5.0 / 2, rel=1e-6) and e.n == 3 for e in found)  # 3 and 4 px of 512
+
+
+def test_chance_is_that_of_other_garments_of_the_type(study):
+    rates, chance = feature_estimates(study[2])
+    assert set(chance) == {"collar and closure", "sleeve and hem", "silhouette", "accessories"}
+    assert all(v > 80 for v in chance.values())  # tubes that differ in their pleats only
+    assert {e.value for e in rates if e.method == "MFAR"} == {100.0}
+
+
+def test_scores_are_kept_and_made_again_when_a_mesh_is_newer(study):
+    out, _, scored = study
+    kept = out / "scores" / "half-sleeve-1-30mm.json"
+    text = json.loads(kept.read_text(encoding="utf-8"))
+    kept.write_text(json.dumps(text | {"mark": 1}), encoding="utf-8")
+    cases = [("half-sleeve", s) for s in (1, 2, 3)]
+    assert "mark" in scores(out, cases, 0.03)[0]
+    tube(14).write(out / "meshes" / "half-sleeve-1-30mm" / "poisson.ply")
+    assert "poisson" in scores(out, cases, 0.03)[0]["methods"] and "poisson" not in scored[0]["methods"]
+
+
+def test_the_report_and_the_form(study):
+    out, rows, scored = study
+    path = write_study_report(out, [*rows, rows[0] | {"method": "poisson", "why": "no surface"}], scored)
+    text = path.read_text(encoding="utf-8")
+    for words in ("Figure 4", "Figure 5", "Figure 6", "Figure 7", "Table 2", "null", "no surface", "paper, other data"):
+        assert words in text, words
+    key = json.loads((out / "experts" / "key.json").read_text(encoding="utf-8"))
+    assert len(key) == 9 and all((out / "experts" / f"{letter}.png").stat().st_size > 5000 for letter in key)
