@@ -60,13 +60,16 @@ def benchmark_case(
     out: Annotated[Path, typer.Option("--out", "-o", help="New folder for pictures, masks, cameras, sources.toml and truth/.")],
     garment: Annotated[str, typer.Option(help="round-collar-robe, half-sleeve, flying-ribbon or veil-hat.")] = "round-collar-robe",
     seed: Annotated[int, typer.Option(min=0, help="Of garment, body and textures.")] = 0,
+    around: Annotated[
+        int, typer.Option(min=0, max=72, help="Take the figurine from so many sides; 0: three in front and one behind.")
+    ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Make ten pictures of one synthetic garment as a folder of sources, to try fuse, keypoints and template on."""
     from reconstruction.benchmark.case import PICTURES, make_case
 
-    with progress("pictures", total=PICTURES, quiet=as_json) as advance:
-        made = make_case(out, garment, seed, progress=advance)
+    with progress("pictures", total=around + 6 if around else PICTURES, quiet=as_json) as advance:
+        made = make_case(out, garment, seed, progress=advance, around=around)
     emit(made, as_json, _show_case)
 
 

@@ -73,6 +73,7 @@ def study_restore(
     types: Annotated[str, typer.Option(help="Types, with commas.")] = "round-collar-robe,half-sleeve,flying-ribbon,veil-hat",
     methods: Annotated[str, typer.Option(help="Methods, with commas; all by default.")] = "",
     edge: Annotated[str, typer.Option(help="Edges of the fitted mesh.")] = "30 mm",
+    around: Annotated[int, typer.Option(min=0, max=72, help="Take the figurines from so many sides (in a folder of its own).")] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; what it holds is kept.")] = Path("out/study-restore"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -97,7 +98,7 @@ def study_restore(
     folder = check_writable(out)
     with progress("garments", total=seeds * len(garments), quiet=as_json) as advance:
         length = units.parse(edge, "m", name="--edge")
-        payload = study(folder, garments, range(first, first + seeds), length, chosen, advance)
+        payload = study(folder, garments, range(first, first + seeds), length, chosen, advance, around)
     with progress("folds, features, report", quiet=as_json):
         scored = scores(folder, [(garment, seed) for seed in range(first, first + seeds) for garment in garments], length)
         payload["report"] = write_study_report(folder, payload["rows"], scored)

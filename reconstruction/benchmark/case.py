@@ -14,7 +14,7 @@ from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_k
 from reconstruction.sources import NAME
 
 from . import keypoints
-from .identity import SIZE, Model, model, shoot, shots
+from .identity import SIZE, Model, all_round, model, shoot, shots
 from .scene import look
 from .splits import HELD_OUT, SEEN, Identity, seeds_of
 from .store import QUALITY, save_arrays
@@ -31,7 +31,8 @@ MARK = 0.2
 """Length of the scale marks on a textile, m."""
 
 
-def make_case(folder, kind: str, seed: int = 0, size: float = SIZE, progress: Callable[[], None] | None = None) -> dict[str, Any]:
+def make_case(folder, kind: str, seed: int = 0, size: float = SIZE, progress: Callable[[], None] | None = None,
+              around: int = 0) -> dict[str, Any]:  # fmt: skip
     """Make a garment's pictures as a user would have them.
 
     Parameters
@@ -47,6 +48,8 @@ def make_case(folder, kind: str, seed: int = 0, size: float = SIZE, progress: Ca
         Edge length of the cloth's mesh, m.
     progress : callable, optional
         Called after each picture.
+    around : int
+        Take the figurine from so many sides, evenly, as a museum may, instead of from three in front and one behind.
 
     Returns
     -------
@@ -70,7 +73,7 @@ def make_case(folder, kind: str, seed: int = 0, size: float = SIZE, progress: Ca
         for name in ("pictures", "masks", "cameras", TRUTH):
             (folder / name).mkdir(parents=True, exist_ok=True)
         entries, points = [], []
-        for shot in shots(made.identity)[:PICTURES]:
+        for shot in all_round(made.identity, around) if around else shots(made.identity)[:PICTURES]:
             entry, found = _picture(folder, made, shot)
             entries.append(entry)
             points.append(found)

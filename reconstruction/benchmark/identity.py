@@ -44,12 +44,15 @@ class Shot:
     damage : int
     seed : int
         Of this picture.
+    azimuth : float, optional
+        Nominal, degrees, of a figurine that is not taken from one of the usual sides.
     """
 
     style: str
     view: int
     damage: int
     seed: int
+    azimuth: float | None = None
 
     @property
     def label(self) -> str:
@@ -190,6 +193,15 @@ def shots(identity: Identity, pictures: int = 0) -> list[Shot]:
     return [full[i] for i in sorted(chosen)]
 
 
+def all_round(identity: Identity, count: int) -> list[Shot]:
+    """The figurine from `count` sides, evenly, in one state of decay, and the murals and the textile of :func:`shots`."""
+    plan = shots(identity)
+    state = plan[0].damage
+    seeds = np.random.SeedSequence([identity.texture_seed, 37]).generate_state(count)
+    taken = [Shot("figurine", k, state, int(seed), 360.0 * k / count) for k, seed in enumerate(seeds)]
+    return taken + [s for s in plan if s.style != "figurine"]
+
+
 def shoot(made: Model, shot: Shot) -> tuple[np.ndarray, np.ndarray, Camera, Scene]:
     """Take a picture.
 
@@ -205,7 +217,8 @@ def shoot(made: Model, shot: Shot) -> tuple[np.ndarray, np.ndarray, Camera, Scen
     texture = made.identity.texture_seed
     if shot.style == "figurine":
         rng = np.random.default_rng([shot.seed, 29])
-        azimuth = (*figurine.AZIMUTHS, 0.0)[shot.view] + float(rng.uniform(-6, 6))
+        nominal = (*figurine.AZIMUTHS, 0.0)[shot.view] if shot.azimuth is None else shot.azimuth
+        azimuth = nominal + float(rng.uniform(-6, 6))
         camera = perspective(made.worn.vertices, azimuth, float(rng.uniform(0, 12)), float(rng.uniform(3.6, 5.4)), WIDTH, HEIGHT)
         image = figurine.paint(made.worn, camera, made.pattern, texture, shot.damage, shot.seed)
         return image, np.ones(image.shape[:2], dtype=bool), camera, made.worn

@@ -116,8 +116,9 @@ def _poisson(shape, edge: float) -> TriangleMesh:
 
 
 def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float = 0.03, methods: Sequence[str] = tuple(METHODS),
-          progress: Callable[[], None] | None = None) -> dict[str, Any]:  # fmt: skip
-    """Cases of several garments and seeds, kept in ``out`` and gone on with, and what came of them.
+          progress: Callable[[], None] | None = None, around: int = 0) -> dict[str, Any]:  # fmt: skip
+    """Cases of several garments and seeds, kept in ``out`` and gone on with, and what came of them; `around` as in
+    :func:`reconstruction.benchmark.case.make_case`.
 
     Returns
     -------
@@ -133,7 +134,7 @@ def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float 
         for garment in garments:
             folder = out / "cases" / f"{garment}-{seed}"
             if not (folder / "sources.toml").exists():
-                make_case(folder, garment, seed)
+                make_case(folder, garment, seed, around=around)
             points = out / "keypoints" / folder.name
             if not (points / FILE).exists():
                 locate([folder], points, garment=garment)

@@ -54,7 +54,7 @@ def test_what_is_the_truth_scores_fully_and_shifted_folds_only_in_the_spectrum(s
     for s in scored:
         best, shifted, other = (s["methods"][m] for m in ("restored", "MVS", "Pix2Vex"))
         assert best["mean"] < 1e-2 and best["agreement"] > 0.999 and best["spectrum"] > 0.999
-        assert shifted["agreement"] < 0.5 and shifted["spectrum"] > 0.8 > other["spectrum"]
+        assert shifted["agreement"] < 0.5 and shifted["spectrum"] > other["spectrum"]
         assert all(same == asked for same, asked in best["features"].values())
     folds, nulls = fold_estimates(scored, "agreement")
     assert {e.method for e in folds} == {"MFAR", "MVS", "Pix2Vex"} and nulls["unrelated garments"][1] < 0.9
