@@ -128,3 +128,37 @@ def _show_study(payload: Mapping[str, Any]) -> list[Any]:
                       f"{r['off_mean']:.1f}", f"{r['missing_mean']:.1f}", rim, f"{r['largest']:.0f}", f"{r['failed']}/{r['cases']}",
                       f"{r['seconds']:.0f}")  # fmt: skip
     return [table, f"written to {payload['out']}: rows.csv, summary.csv, study.json, report.html, experts/"]
+
+
+def study_photographs(
+    data: Annotated[Path, typer.Option(help="Folder of alicevision_buddha and middlebury_templeRing.")],
+    name: Annotated[str, typer.Option("--set", help="alicevision_buddha or middlebury_templeRing.")] = "alicevision_buddha",
+    held_out: Annotated[int, typer.Option(min=0, help="Views that are held out, those with most matches; 0: all.")] = 0,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Output folder: a mesh for each.")] = Path("out/study-photographs"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Real photographs through matching, stereo and surface, judged by reprojection into views that were held out."""
+    from reconstruction.matching.graph import write_csv
+    from reconstruction.restore.photographs import study
+
+    folder = check_writable(out)
+    with progress("photographs", quiet=as_json) as advance:
+        payload = study(data, name, folder, held_out, lambda text: advance(1, description=text))
+    columns = list(dict.fromkeys(key for row in payload["rows"] for key in row))
+    write_csv(folder / "photographs.csv", [{key: row.get(key, "") for key in columns} for row in payload["rows"]])
+    emit(payload | {"out": folder}, as_json, _show_photographs)
+
+
+def _show_photographs(payload: Mapping[str, Any]) -> list[Any]:
+    from rich.table import Table
+
+    table = Table(title=f"{payload['set']}: matched points by way of the mesh in a held-out view")
+    columns = {"held_out": "held out", "matches": "matches", "on_mesh": "meet the mesh", "median_px": "median, px",
+               "q75_px": "75 %, px", "within_2px": "≤ 2 px", "plane_median_px": "by a plane, px", "why": "why not"}  # fmt: skip
+    for shown in columns.values():
+        table.add_column(shown, justify="left" if shown in ("held out", "why not") else "right")
+    for row in payload["rows"]:
+        values = [row.get(key, "") for key in columns]
+        table.add_row(*(f"{v:.2f}" if isinstance(v, float) else str(v) for v in values))
+    pairs = f"{payload['matched_pairs']} matched pairs of {payload['views']} views"
+    return [table, f"{pairs}; written to {payload['out']}: photographs.csv"]
