@@ -71,3 +71,15 @@ def test_known_types_only_and_nothing_is_overwritten(case, tmp_path):
         make_case(tmp_path, "toga")
     with pytest.raises(InputError, match="exists already"):
         make_case(case[0], "round-collar-robe")
+
+
+def test_figurines_from_all_round(tmp_path):
+    from reconstruction.benchmark.case import make_case
+    from reconstruction.sources import read
+
+    pytest.importorskip("embreex")
+    make_case(tmp_path / "robe", "half-sleeve", 3, size=0.045, around=6)
+    cameras = [s.camera for s in read(tmp_path / "robe").sources if s.kind == "figurine"]
+    ways = np.array([c[2, :2] for c in cameras])
+    turn = np.unwrap(np.arctan2(ways[:, 0], ways[:, 1]))
+    assert len(cameras) == 6 and np.abs(np.abs(np.diff(turn)) - np.pi / 3).max() < np.radians(13)
