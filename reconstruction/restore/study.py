@@ -12,7 +12,6 @@ import numpy as np
 
 from mfar_fem.errors import MfarError
 from reconstruction.baselines.mvs import mvs
-from reconstruction.baselines.pix2vex import pix2vex
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.metrics.distance import distances
 from reconstruction.restore.pipeline import calibrated_views, stature
@@ -81,8 +80,12 @@ def compare(
             if method == "MVS":
                 mesh = mvs(views).mesh
             elif method == "Pix2Vex":
+                from reconstruction.baselines.pix2vex import pix2vex  # asks for torch
+
                 mesh = pix2vex(views).mesh
             elif method == "Pix2Vex from template":
+                from reconstruction.baselines.pix2vex import pix2vex
+
                 hung = fit_shape(garment, dimensions, found, views, stature(sources),
                                  FitSettings(edge=COARSE, outlines=False, depths=False))  # fmt: skip
                 mesh = pix2vex(views, hung.sewn.mesh(hung.vertices)).mesh
