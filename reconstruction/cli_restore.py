@@ -115,19 +115,20 @@ def study_restore(
 def _show_study(payload: Mapping[str, Any]) -> list[Any]:
     from rich.table import Table
 
-    table = Table(title="Distance from the true surface, mm (95 % over the garments)")
-    for column in ("garment", "method", "both ways", "worse than restored by", "off", "missing", "rims", "largest", "failed", "s"):
-        table.add_column(column, justify="left" if column in ("garment", "method") else "right")
+    tables: dict[str, Any] = {}
     for r in payload["summary"]:
+        if (table := tables.get(r["garment"])) is None:
+            table = tables[r["garment"]] = Table(title=f"{r['garment']}: distance from the true surface, mm (95 % over garments)")
+            for column in ("method", "both ways", "worse than restored by", "off", "missing", "rims", "failed", "s"):
+                table.add_column(column, justify="left" if column == "method" else "right")
         if "mean" not in r:
-            table.add_row(r["garment"], r["method"], *["-"] * 6, f"{r['failed']}/{r['cases']}", "-")
+            table.add_row(r["method"], *["-"] * 5, f"{r['failed']}/{r['cases']}", "-")
             continue
         worse = f"{r['worse_by']:+.1f} ({r['worse_by_low']:+.1f} to {r['worse_by_high']:+.1f})" if "worse_by" in r else ""
         rim = "-" if r["rim_mean"] is None else f"{r['rim_mean']:.1f}"
-        table.add_row(r["garment"], r["method"], f"{r['mean']:.1f} ({r['mean_low']:.1f} to {r['mean_high']:.1f})", worse,
-                      f"{r['off_mean']:.1f}", f"{r['missing_mean']:.1f}", rim, f"{r['largest']:.0f}", f"{r['failed']}/{r['cases']}",
-                      f"{r['seconds']:.0f}")  # fmt: skip
-    return [table, f"written to {payload['out']}: rows.csv, summary.csv, study.json, report.html, experts/"]
+        table.add_row(r["method"], f"{r['mean']:.1f} ({r['mean_low']:.1f} to {r['mean_high']:.1f})", worse, f"{r['off_mean']:.1f}",
+                      f"{r['missing_mean']:.1f}", rim, f"{r['failed']}/{r['cases']}", f"{r['seconds']:.0f}")  # fmt: skip
+    return [*tables.values(), f"written to {payload['out']}: rows.csv, summary.csv, study.json, report.html, experts/"]
 
 
 def study_photographs(
