@@ -21,8 +21,8 @@ from reconstruction.report.write import write_report
 from reconstruction.style.bootstrap import mean_interval
 from reconstruction.surface.triangles import TriangleMesh
 
-SHOWN = ("restored", "template only", "poisson", "MVS", "Pix2Vex", "Pix2Vex from template", "true points", "true depth")
-"""Methods of the figures, in their order."""
+SHOWN = ("restored", "template only", "MVS", "Pix2Vex", "Pix2Vex from template", "true depth")
+"""Methods of the figures, in their order: as many as there are colours and marks. The others are in ``summary.csv``."""
 PAPER = {"restored": "MFAR"}
 """Names under which the paper's values stand beside."""
 
