@@ -27,7 +27,9 @@ from reconstruction.stereo.consistency import consistent, fuse
 from reconstruction.stereo.sweep import planes, sweep
 from reconstruction.stereo.view import View
 from reconstruction.surface.pipeline import SurfaceSettings, build_surface
+from reconstruction.surface.poisson import poisson_surface
 from reconstruction.surface.triangles import TriangleMesh
+from reconstruction.surface.trimming import OpeningsError, trim_by_distance
 
 READERS = {SETS[0]: buddha, SETS[1]: temple}
 LONGEST = 500
@@ -116,23 +118,31 @@ def reconstruct(
     low, high = np.quantile(points, [INNER, 1 - INNER], axis=0)
     margin = 0.25 * (high - low)
     low, high = low - margin, high + margin
-    box = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     maps = []
     for view in views:
         others = view.neighbours(views)
         if others:
             others = sorted(others, key=lambda o: -float(o.axis @ view.axis))[:4]
-            base, offsets = planes(view, box, others, margin=0.0)
+            depth = view.project(points)[1]
+            near, far = np.quantile(depth[depth > 0], [INNER, 1 - INNER]) if (depth > 0).any() else (1.0, 1.0)
+            ends = view.centre + np.array([[max(near - 0.25 * (far - near), 0.5 * near)], [far + 0.25 * (far - near)]]) * view.axis
+            base, offsets = planes(view, ends, others, margin=0.0)
             if len(offsets) > PLANES:
                 offsets = np.linspace(offsets[0], offsets[-1], PLANES)
             maps.append(sweep(view, others, base, offsets))
     agreed = consistent(maps)
     p, n, sigma = fuse(agreed, float((high - low).max()) / CELLS)
     inside = ((p > low) & (p < high)).all(axis=1)
-    made = build_surface(p[inside], n[inside], sigma[inside], None, settings or SurfaceSettings(adaptive=False))
+    p, n, sigma = p[inside], n[inside], sigma[inside]
+    try:
+        mesh, how = build_surface(p, n, sigma, None, settings or SurfaceSettings(adaptive=False)).mesh, "even triangles, ARAP"
+    except OpeningsError as error:  # ragged rims: neither triangles nor rims are bettered then
+        base_surface = poisson_surface(p, n, sigma)
+        mesh = trim_by_distance(base_surface.mesh, base_surface.points, base_surface.spacing).mesh
+        how = f"trimmed only ({error})"
     depths = sum(int(np.isfinite(m.depth).sum()) for m in agreed)
-    facts = {"views": len(maps), "depths": depths, "points": int(inside.sum()), "triangles": len(made.mesh.faces)}
-    return made.mesh, facts
+    facts = {"views": len(maps), "depths": depths, "points": int(inside.sum()), "triangles": len(mesh.faces), "surface": how}
+    return mesh, facts
 
 
 def reprojection(mesh: TriangleMesh, views: Sequence[View], held: int, found: Sequence[Match]) -> dict[str, Any]:

@@ -74,7 +74,7 @@ def views(radius=0.6):
 
 def test_a_sphere_is_found_again_from_a_smaller_one():
     start = sphere(np.array([0.1, 0.0, 0.05]), np.full(3, 0.4), 2)
-    levels = (Level(12, 0.3, 60, 1e-2), Level(24, 0.3, 60, 1e-2))
+    levels = (Level(12, 0.3, 60, 1e-2), Level(24, 0.3, 60, 1e-2), Level(48, 0.3, 60, 5e-3))
     made = pix2vex(views(), start, Pix2VexSettings(levels=levels, seconds=300))
     truth = sphere(np.zeros(3), np.full(3, 0.6), 3).vertices
     assert made.facts["overlap"] > 0.85 and len(made.mesh.faces) == len(start.faces)
