@@ -9,6 +9,7 @@ points gives.
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,7 +192,7 @@ def study(folder: Path, name: str, out: Path, most: int = 0, progress: Callable[
     name : str
         One of :data:`READERS`.
     out : Path
-        Gets a mesh and a picture for each.
+        Gets a mesh and a row for each; rows that are there are taken as they are.
     most : int
         Views that are held out, those with most matches first; 0: all that have any.
     progress : callable, optional
@@ -211,6 +212,10 @@ def study(folder: Path, name: str, out: Path, most: int = 0, progress: Callable[
     rows: list[dict[str, Any]] = []
     for k in chosen:
         tell(f"without {views[k].name}")
+        kept = out / f"{name}-without-{views[k].name}.json"
+        if kept.exists():  # of a run that was killed later
+            rows.append(json.loads(kept.read_text(encoding="utf-8")))
+            continue
         rest = [v for i, v in enumerate(views) if i != k]
         space = [m.points for m in found if k not in (m.a, m.b) and len(m.points)]
         try:
@@ -221,6 +226,7 @@ def study(folder: Path, name: str, out: Path, most: int = 0, progress: Callable[
             rows.append({"held_out": views[k].name} | reprojection(mesh, views, k, found) | facts | {"why": ""})
         except MfarError as error:
             rows.append({"held_out": views[k].name, "matches": count[k], "why": str(error)})
+        kept.write_text(json.dumps(rows[-1], indent=1), encoding="utf-8")
     good = [r for r in rows if "median_px" in r]
     keys = ("median_px", "q75_px", "within_2px", "on_mesh", "plane_median_px")
     summary = {key: float(np.median([r[key] for r in good])) for key in keys} if good else {}

@@ -8,6 +8,7 @@ pytest.importorskip("igl")
 pytest.importorskip("embreex")
 
 from mfar_fem.errors import InputError
+from reconstruction.restore import photographs
 from reconstruction.restore.photographs import Match, read_views, reconstruct, reprojection
 from reconstruction.stereo.view import View
 from reconstruction.surface.triangles import TriangleMesh
@@ -66,3 +67,16 @@ def test_sets_are_named(tmp_path):
         read_views(tmp_path, "temple")
     with pytest.raises(InputError, match="holds no folder 'alicevision_buddha'"):
         read_views(tmp_path, "alicevision_buddha")
+
+
+def test_rows_of_a_killed_run_are_kept(tmp_path, monkeypatch):
+    found = views()
+    pairs = [meeting(found, 2, 1), meeting(found, 3, 2), meeting(found, 0, 4)]
+    monkeypatch.setattr(photographs, "read_views", lambda folder, name: found)
+    monkeypatch.setattr(photographs, "matches", lambda views: pairs)
+    made = []
+    monkeypatch.setattr(photographs, "reconstruct", lambda rest, points: made.append(1) or (sphere(), {"views": len(rest)}))
+    first = photographs.study(tmp_path, "balls", tmp_path, 2)
+    assert len(made) == first["held_out"] == 2 and first["summary"]["median_px"] < 0.05
+    (tmp_path / "balls-without-ball 0.json").unlink()
+    assert photographs.study(tmp_path, "balls", tmp_path, 2)["rows"] == first["rows"] and len(made) == 3
