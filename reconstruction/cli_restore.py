@@ -73,7 +73,7 @@ def study_restore(
     types: Annotated[str, typer.Option(help="Types, with commas.")] = "round-collar-robe,half-sleeve,flying-ribbon,veil-hat",
     methods: Annotated[str, typer.Option(help="Methods, with commas; all by default.")] = "",
     edge: Annotated[str, typer.Option(help="Edges of the fitted mesh.")] = "30 mm",
-    around: Annotated[int, typer.Option(min=0, max=72, help="Take the figurines from so many sides (in a folder of its own).")] = 0,
+    around: Annotated[int, typer.Option(min=0, max=72, help="Take the figurines from so many sides.")] = 0,
     out: Annotated[Path, typer.Option("--out", "-o", help="Output folder; what it holds is kept.")] = Path("out/study-restore"),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -100,7 +100,7 @@ def study_restore(
         length = units.parse(edge, "m", name="--edge")
         payload = study(folder, garments, range(first, first + seeds), length, chosen, advance, around)
     with progress("folds, features, report", quiet=as_json):
-        scored = scores(folder, [(garment, seed) for seed in range(first, first + seeds) for garment in garments], length)
+        scored = scores(folder, [(garment, seed) for seed in range(first, first + seeds) for garment in garments], length, around)
         payload["report"] = write_study_report(folder, payload["rows"], scored)
     (folder / "study.json").write_text(json.dumps(jsonable(payload), indent=1) + "\n", encoding="utf-8")
     for name in ("rows", "summary"):

@@ -18,7 +18,7 @@ import numpy as np
 from mfar_fem.errors import InputError, NotConvergedError
 from reconstruction.baselines.mvs import around
 from reconstruction.baselines.soft_render import Softness, render
-from reconstruction.libraries import opencv, optional
+from reconstruction.libraries import optional
 from reconstruction.stereo.view import View
 from reconstruction.surface.subdivision import uniform_loop
 from reconstruction.surface.triangles import TriangleMesh
@@ -143,23 +143,14 @@ def _shrunk(view: View, height: int):
     """Camera, mask and picture about the mask, so many pixels high, as tensors."""
     from reconstruction.torch_library import torch as th
 
-    cv2 = opencv("Pix2Vex needs")
     at = np.argwhere(view.mask)
     if not len(at):
         raise InputError(f"the mask of '{view.name}' is empty")
     low, high = at.min(axis=0), at.max(axis=0) + 1
     margin = np.ceil(0.15 * (high - low)).astype(int)
     low, high = np.maximum(low - margin, 0), np.minimum(high + margin, view.size)
-    part = view.cropped((slice(low[0], high[0]), slice(low[1], high[1])))
-    h, w = part.size
-    factor = height / max(h, w)
-    new = (max(2, round(w * factor)), max(2, round(h * factor)))
-    mask = cv2.resize(part.mask.astype(np.float32), new, interpolation=cv2.INTER_AREA)
-    image = cv2.resize(np.asarray(part.image, dtype=np.float32), new, interpolation=cv2.INTER_AREA)
-    fx, fy = new[0] / w, new[1] / h
-    scale = np.array([[fx, 0, 0.5 * (fx - 1)], [0, fy, 0.5 * (fy - 1)], [0, 0, 1.0]])  # centres of pixels
-    tensors = (th.tensor(a, dtype=th.float32) for a in (scale @ part.camera, mask, image))
-    return tuple(tensors)
+    part = view.cropped((slice(low[0], high[0]), slice(low[1], high[1]))).shrunk(height)
+    return tuple(th.tensor(a, dtype=th.float32) for a in (part.camera, part.mask, part.image))
 
 
 def _regular(th, x, edges, s: Pix2VexSettings):

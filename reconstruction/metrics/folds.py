@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from mfar_fem.errors import InputError
-from reconstruction.libraries import optional
+from reconstruction.surface.rays import Rays
 from reconstruction.surface.triangles import TriangleMesh
 
 STEP = 4e-3
@@ -39,8 +39,6 @@ def height_map(mesh: TriangleMesh, low, high, direction=FRONT, step: float = STE
     step : float
         m.
     """
-    trimesh = optional("trimesh", "maps of folds need")
-    embree = optional("trimesh.ray.ray_pyembree", "maps of folds need")
     d = np.asarray(direction, dtype=float)
     up = np.array([0.0, 0.0, 1.0]) if abs(d[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     right = np.cross(d, up)
@@ -51,15 +49,8 @@ def height_map(mesh: TriangleMesh, low, high, direction=FRONT, step: float = STE
     x, y = np.arange(a.min(), a.max() + step, step), np.arange(b.max(), b.min() - step, -step)
     start = (corners @ d).min() - 1.0
     origins = (x[None, :, None] * right + y[:, None, None] * up + start * d).reshape(-1, 3)
-    tool = embree.RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
-    hit = np.asarray(tool.intersects_first(origins, np.broadcast_to(d, origins.shape)))
-    there = np.flatnonzero(hit >= 0)
-    normal, corner = mesh.area_vectors[hit[there]], mesh.vertices[mesh.faces[hit[there], 0]]
-    facing = normal @ d
-    heights = np.full(len(origins), np.nan)
-    ways = np.einsum("ni,ni->n", normal, corner - origins[there]) / np.where(np.abs(facing) > 1e-15, facing, np.inf)
-    heights[there] = -ways
-    return heights.reshape(len(y), len(x))
+    _, along, _ = Rays(mesh).first(origins, np.tile(d, (len(origins), 1)))
+    return np.where(np.isfinite(along), -along, np.nan).reshape(len(y), len(x))
 
 
 def folds(heights: np.ndarray, step: float = STEP, long: float = LONG, short: float = SHORT) -> np.ndarray:

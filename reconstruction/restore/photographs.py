@@ -19,7 +19,7 @@ import numpy as np
 
 from mfar_fem.errors import InputError, MfarError
 from reconstruction.images import grey, load
-from reconstruction.libraries import opencv, optional
+from reconstruction.libraries import opencv
 from reconstruction.matching.features import Features, detect
 from reconstruction.matching.pair import match_pair
 from reconstruction.matching.settings import MatchSettings
@@ -29,6 +29,7 @@ from reconstruction.stereo.sweep import planes, sweep
 from reconstruction.stereo.view import View
 from reconstruction.surface.pipeline import SurfaceSettings, build_surface
 from reconstruction.surface.poisson import poisson_surface
+from reconstruction.surface.rays import Rays
 from reconstruction.surface.triangles import TriangleMesh
 from reconstruction.surface.trimming import OpeningsError, trim_by_distance
 
@@ -69,16 +70,10 @@ def read_views(folder: Path, name: str) -> list[View]:
         raise InputError(f"there is no set '{name}' with cameras; known: {', '.join(READERS)}")
     if not (folder / name).is_dir():
         raise InputError(f"'{folder}' holds no folder '{name}'")
-    cv2 = opencv()
     out = []
     for photo in READERS[name](folder / name):
-        rgb = load(photo.path).rgb
-        h, w = rgb.shape[:2]
-        factor = min(1.0, LONGEST / max(h, w))
-        size = (round(w * factor), round(h * factor))
-        fx, fy = size[0] / w, size[1] / h
-        centred = np.array([[fx, 0, 0.5 * (fx - 1)], [0, fy, 0.5 * (fy - 1)], [0, 0, 1.0]])
-        out.append(View.of(photo.name, cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), centred @ photo.camera))
+        whole = View.of(photo.name, load(photo.path).rgb, photo.camera)
+        out.append(whole.shrunk(LONGEST))
     return out
 
 
@@ -155,21 +150,16 @@ def reprojection(mesh: TriangleMesh, views: Sequence[View], held: int, found: Se
         ``matches``, ``on_mesh`` (share whose ray meets the mesh), of those ``median_px``, ``q75_px``, ``within_2px``; and
         ``plane_median_px``.
     """
-    trimesh = optional("trimesh", "rays need")
-    embree = optional("trimesh.ray.ray_pyembree", "rays need")
-    tool = embree.RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
+    tool = Rays(mesh)
     errors, flat, count, hits = [], [], 0, 0
     for m in found:
         if held not in (m.a, m.b):
             continue
         other, there, here = (views[m.b], m.second, m.first) if held == m.a else (views[m.a], m.first, m.second)
         rays = other.rays(there)
-        origin = np.broadcast_to(other.centre, rays.shape)
-        face = np.asarray(tool.intersects_first(np.ascontiguousarray(origin), np.ascontiguousarray(rays)))
+        face, depth, _ = tool.first(other.centre, rays)
         met = face >= 0
-        normal, corner = mesh.area_vectors[face[met]], mesh.vertices[mesh.faces[face[met], 0]]
-        depth = np.einsum("ni,ni->n", normal, corner - other.centre) / np.einsum("ni,ni->n", normal, rays[met])
-        place = other.centre + depth[:, None] * rays[met]
+        place = other.centre + depth[met, None] * rays[met]
         errors.append(np.linalg.norm(views[held].project(place)[0] - here[met], axis=1))
         middle = float(np.median(other.project(m.points)[1])) if len(m.points) else 1.0
         flat.append(np.linalg.norm(views[held].project(other.centre + middle * rays)[0] - here, axis=1))
@@ -226,6 +216,7 @@ def study(folder: Path, name: str, out: Path, most: int = 0, progress: Callable[
             rows.append({"held_out": views[k].name} | reprojection(mesh, views, k, found) | facts | {"why": ""})
         except MfarError as error:
             rows.append({"held_out": views[k].name, "matches": count[k], "why": str(error)})
+            continue  # a failure is tried again
         kept.write_text(json.dumps(rows[-1], indent=1), encoding="utf-8")
     good = [r for r in rows if "median_px" in r]
     keys = ("median_px", "q75_px", "within_2px", "on_mesh", "plane_median_px")

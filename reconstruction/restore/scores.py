@@ -16,6 +16,7 @@ from reconstruction.landmarks import LANDMARKS
 from reconstruction.metrics import features
 from reconstruction.metrics.distance import distances
 from reconstruction.metrics.folds import agreement, height_map, null_values, spectrum_similarity
+from reconstruction.restore.study import case_name
 from reconstruction.surface.triangles import TriangleMesh
 
 NORMAL_SIZE = 256.0
@@ -79,21 +80,26 @@ def keypoint_errors(case: Path, detected: Path) -> list[tuple[str, float]]:
     return out
 
 
-def scores(out: Path, cases: Sequence[tuple[str, int]], edge: float) -> list[dict[str, Any]]:
-    """Scores of every case of a study (garment, seed), kept beside its rows and computed again when a mesh is newer."""
-    truths = {case: true_mesh(out / "cases" / f"{case[0]}-{case[1]}") for case in cases}
+def scores(out: Path, cases: Sequence[tuple[str, int]], edge: float, around: int = 0) -> list[dict[str, Any]]:
+    """Scores of every case of a study (garment, seed), kept beside its rows; computed again when a mesh is newer, or when there are
+    other unrelated garments."""
+    truths = {case: true_mesh(out / "cases" / case_name(*case, around)) for case in cases}
     found = []
     for garment, seed in cases:
-        name = f"{garment}-{seed}-{1e3 * edge:g}mm"
+        case = case_name(garment, seed, around)
+        name = f"{case}-{1e3 * edge:g}mm"
+        unrelated = sorted(s for kind, s in cases if kind == garment and s != seed)
         files = sorted((out / "meshes" / name).glob("*.ply"))
         kept = out / "scores" / f"{name}.json"
-        if not kept.exists() or any(f.stat().st_mtime > kept.stat().st_mtime for f in files):
-            others = [t for case, t in truths.items() if case[0] == garment and case[1] != seed]
+        known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
+        if known.get("unrelated") != unrelated or any(f.stat().st_mtime > kept.stat().st_mtime for f in files):
+            others = [truths[garment, s] for s in unrelated]
             meshes = {f.stem: TriangleMesh.read(f) for f in files}
             made = score(meshes, truths[garment, seed], others)
-            case = f"{garment}-{seed}"
+            made["unrelated"] = unrelated
             made["keypoints"] = keypoint_errors(out / "cases" / case, out / "keypoints" / case / "keypoints.json")
             kept.parent.mkdir(parents=True, exist_ok=True)
-            kept.write_text(json.dumps(jsonable(made)), encoding="utf-8")
-        found.append({"garment": garment, "seed": seed} | json.loads(kept.read_text(encoding="utf-8")))
+            known = jsonable(made)
+            kept.write_text(json.dumps(known), encoding="utf-8")
+        found.append({"garment": garment, "seed": seed} | known)
     return found

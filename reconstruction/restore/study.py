@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mfar_fem.errors import MfarError
+from mfar_fem.errors import MfarError, MissingDependencyError
 from reconstruction.baselines.mvs import mvs
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.metrics.distance import distances
@@ -103,6 +103,8 @@ def compare(
                 meshes.mkdir(parents=True, exist_ok=True)
                 mesh.write(meshes / f"{method.replace(' ', '-')}.ply")
             rows.append(row | distances(mesh, truth) | {"seconds": seconds, "why": ""})
+        except MissingDependencyError:
+            raise  # says nothing of the method, and is not to be kept
         except MfarError as error:
             rows.append(row | {"seconds": time.perf_counter() - begin, "why": str(error)})
     return rows
@@ -135,7 +137,7 @@ def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float 
     rows: list[dict[str, Any]] = []
     for seed in seeds:
         for garment in garments:
-            folder = out / "cases" / f"{garment}-{seed}"
+            folder = out / "cases" / case_name(garment, seed, around)
             if not (folder / "sources.toml").exists():
                 make_case(folder, garment, seed, around=around)
             points = out / "keypoints" / folder.name
@@ -153,6 +155,11 @@ def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float 
             if progress is not None:
                 progress()
     return {"rows": rows, "summary": summary(rows)}
+
+
+def case_name(garment: str, seed: int, around: int = 0) -> str:
+    """Name of a case's folders: cases of other pictures are other cases."""
+    return f"{garment}-{seed}" + (f"-around{around}" if around else "")
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from reconstruction.libraries import optional
 from reconstruction.shape.cloth import Cloth
 from reconstruction.stereo.sweep import DepthMap
 from reconstruction.stereo.view import View
+from reconstruction.surface.rays import Rays
 from reconstruction.surface.triangles import TriangleMesh
 
 FIRM = 12000.0
@@ -36,23 +36,14 @@ class Caster:
     """A mesh that rays are cast at, from any number of views; of a two-sided one both faces belong to the masks."""
 
     def __init__(self, mesh: TriangleMesh, two_sided: bool = False):
-        trimesh = optional("trimesh", "drawing a mesh needs")
-        embree = optional("trimesh.ray.ray_pyembree", "drawing a mesh needs")
         self.mesh, self.two_sided = mesh, two_sided
-        self._embree = embree.RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
+        self._rays = Rays(mesh)
 
     def cast(self, view: View, stride: int = STRIDE) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """First triangles of the view's rays (-1: none), their depths (m; inf) and the sign of normal times ray, (h, w) each."""
         rays = view.grid_rays()[::stride, ::stride]
-        shape, rays = rays.shape[:2], rays.reshape(-1, 3)
-        hit = np.asarray(self._embree.intersects_first(np.broadcast_to(view.centre, rays.shape), rays))
-        there = np.flatnonzero(hit >= 0)
-        normal, corner = self.mesh.area_vectors[hit[there]], self.mesh.vertices[self.mesh.faces[hit[there], 0]]
-        facing = np.einsum("ni,ni->n", normal, rays[there])
-        depth, sign = np.full(len(rays), np.inf), np.zeros(len(rays))
-        depth[there] = np.einsum("ni,ni->n", normal, corner - view.centre) / np.where(np.abs(facing) > 1e-15, facing, np.inf)
-        sign[there] = np.sign(facing)
-        return hit.reshape(shape), depth.reshape(shape), sign.reshape(shape)
+        hit, depth, sign = self._rays.first(view.centre, rays.reshape(-1, 3))
+        return hit.reshape(rays.shape[:2]), depth.reshape(rays.shape[:2]), sign.reshape(rays.shape[:2])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from mfar_fem.errors import InputError
+from reconstruction.libraries import optional
 from reconstruction.matching.cameras import centre
 
 ANGLE = np.radians(60.0)
@@ -117,6 +118,19 @@ class View:
         rows, columns = box
         shift = np.array([[1.0, 0, -columns.start], [0, 1.0, -rows.start], [0, 0, 1.0]])
         return View(self.name, self.image[box], shift @ self.camera, self.mask[box])
+
+    def shrunk(self, longest: int) -> View:
+        """The picture made smaller, its longer side `longest` pixels (left alone where it is smaller), with its camera; the mask
+        is where at least half a pixel was."""
+        cv2 = optional("cv2", "pictures need")
+        h, w = self.size
+        factor = min(1.0, longest / max(h, w))
+        new = (max(2, round(w * factor)), max(2, round(h * factor)))
+        fx, fy = new[0] / w, new[1] / h
+        centred = np.array([[fx, 0, 0.5 * (fx - 1)], [0, fy, 0.5 * (fy - 1)], [0, 0, 1.0]])  # centres of pixels
+        image = cv2.resize(np.ascontiguousarray(self.image), new, interpolation=cv2.INTER_AREA)
+        mask = cv2.resize(self.mask.astype(np.float32), new, interpolation=cv2.INTER_AREA)
+        return View(self.name, image, centred @ self.camera, mask >= 0.5)
 
     def parallax(self, other: View, depth: float) -> float:
         """How far the other view's pixel of the middle of the mask moves, pixels for each metre of depth."""
