@@ -100,7 +100,8 @@ def samples_of(folder: str | Path) -> list[Sample]:
 
 
 def further(folder: str | Path, others: Sequence[str | Path]) -> list[Sample]:
-    """Samples of further benchmarks that train beside a first one: all of the types that may be seen, whatever their split there.
+    """Samples of further benchmarks that train beside a first one: all of the types and damage levels that may be seen, whatever
+    their split there.
 
     Raises
     ------
@@ -113,6 +114,7 @@ def further(folder: str | Path, others: Sequence[str | Path]) -> list[Sample]:
     if not others:
         return found
     from reconstruction.benchmark import load_index
+    from reconstruction.benchmark.splits import HELD_OUT_DAMAGE
 
     seeds = {load_index(folder).seed: str(folder)}
     for other in others:
@@ -120,7 +122,7 @@ def further(folder: str | Path, others: Sequence[str | Path]) -> list[Sample]:
         if seed in seeds:
             raise InputError(f"'{other}' has seed {seed} as '{seeds[seed]}' has: the same garments. Make one with another --seed")
         seeds[seed] = str(other)
-        seen = [s for s in samples_of(other) if s.split != "test-type"]
+        seen = [s for s in samples_of(other) if s.split != "test-type" and s.damage != HELD_OUT_DAMAGE]
         found += [replace(s, split="train", identity=f"{seed}:{s.identity}") for s in seen]
     return found
 

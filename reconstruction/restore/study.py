@@ -21,6 +21,7 @@ from reconstruction.shape.landmarks3d import SpacePoints, triangulate
 from reconstruction.shape.simulation_mesh import simulation_mesh
 from reconstruction.sources import read
 from reconstruction.style.bootstrap import mean_interval
+from reconstruction.surface.pipeline import SurfaceSettings
 from reconstruction.surface.triangles import TriangleMesh
 from reconstruction.template.pipeline import make_template
 
@@ -31,6 +32,9 @@ METHODS = {
     "true points": "as restored, with the true landmarks, in the pictures (for the template) and in space (oracle)",
     "true depth": "as restored, with the true depths of the same pictures (oracle)",
     "poisson": "as restored, then (9) through its points, trimmed, remeshed, ARAP",
+    "poisson without ARAP": "the same without the improvement of triangles",
+    "poisson adaptive": "the same, remeshed half as coarse again, adaptive Loop subdivision, ARAP",
+    "poisson uniform": "the same, remeshed half as coarse again, every triangle split once, ARAP",
     "MVS": "plane sweep, consistency, fusion, Poisson; no template",
     "Pix2Vex": "smooth differentiable renderer, from a sphere; no template",
     "Pix2Vex from template": "the same from the template hung on the landmarks (edges of 60 mm)",
@@ -89,10 +93,10 @@ def compare(
                 hung = fit_shape(garment, dimensions, found, views, stature(sources),
                                  FitSettings(edge=COARSE, outlines=False, depths=False))  # fmt: skip
                 mesh = pix2vex(views, hung.sewn.mesh(hung.vertices)).mesh
-            elif method == "poisson":
+            elif method in (surfaces := _surfaces(edge)):
                 fitted = fitted or fit("restored")
                 begin = time.perf_counter()  # of what it adds
-                mesh = _poisson(fitted, edge)
+                mesh = _poisson(fitted, edge, surfaces[method])
             else:
                 shape = fit(method)
                 mesh = shape.sewn.mesh(shape.vertices)
@@ -110,14 +114,25 @@ def compare(
     return rows
 
 
-def _poisson(shape, edge: float) -> TriangleMesh:
+def _surfaces(edge: float) -> dict[str, SurfaceSettings]:
+    """How the Poisson surface and its controls are made."""
+    coarse = 1.5 * edge
+    return {
+        "poisson": SurfaceSettings(edge=edge, adaptive=False),
+        "poisson without ARAP": SurfaceSettings(edge=edge, adaptive=False, arap=False),
+        "poisson adaptive": SurfaceSettings(edge=coarse),
+        "poisson uniform": SurfaceSettings(edge=coarse, adaptive=False, uniform=1),
+    }
+
+
+def _poisson(shape, edge: float, settings: SurfaceSettings) -> TriangleMesh:
     known = {
         "vertices": shape.vertices,
         "faces": shape.sewn.faces,
         "warp": shape.sewn.warp_in_space(shape.vertices),
         "sigma": shape.sigma,
     }
-    return simulation_mesh(known, "poisson", edge).mesh
+    return simulation_mesh(known, "poisson", edge, settings).mesh
 
 
 def study(out: Path, garments: Sequence[str], seeds: Sequence[int], edge: float = 0.03, methods: Sequence[str] = tuple(METHODS),

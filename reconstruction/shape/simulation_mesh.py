@@ -10,7 +10,7 @@ import numpy as np
 from mfar_fem.errors import SurfaceError
 from reconstruction.shape.untangle import untangle
 from reconstruction.shape.warp import WarpField, warp_field
-from reconstruction.surface.connectivity import boundary_loops
+from reconstruction.surface.pipeline import SurfaceSettings
 from reconstruction.surface.triangles import TriangleMesh
 
 
@@ -24,7 +24,9 @@ class SimulationMesh:
     actions: tuple[str, ...]
 
 
-def simulation_mesh(shape: Mapping[str, np.ndarray], method: str = "template", edge: float = 0.025) -> SimulationMesh:
+def simulation_mesh(
+    shape: Mapping[str, np.ndarray], method: str = "template", edge: float = 0.025, settings: SurfaceSettings | None = None
+) -> SimulationMesh:
     """Make a fitted shape fit for the solver.
 
     Parameters
@@ -34,6 +36,8 @@ def simulation_mesh(shape: Mapping[str, np.ndarray], method: str = "template", e
     method : str
         ``template``: the pattern's own triangles; ``poisson``: a new surface ((9),
         :func:`reconstruction.surface.pipeline.build_surface`) of edges `edge`, m, cut along the pattern's free edges.
+    settings : SurfaceSettings, optional
+        Of that surface; by default even triangles and ARAP.
 
     Raises
     ------
@@ -45,7 +49,7 @@ def simulation_mesh(shape: Mapping[str, np.ndarray], method: str = "template", e
     openings = {key.removeprefix("opening_"): ids for key, ids in shape.items() if key.startswith("opening_")}
     mesh = fitted
     if method == "poisson":
-        mesh, openings = _poisson(fitted, shape["sigma"], edge, openings, actions)
+        mesh, openings = _poisson(fitted, shape["sigma"], edge, openings, actions, settings)
     loose = untangle(mesh)
     if loose.before:
         actions.append(
@@ -63,17 +67,16 @@ def simulation_mesh(shape: Mapping[str, np.ndarray], method: str = "template", e
     return SimulationMesh(mesh, field, openings, tuple(actions))
 
 
-def _poisson(fitted: TriangleMesh, sigma, edge: float, openings, actions: list[str]):
+def _poisson(fitted: TriangleMesh, sigma, edge: float, openings, actions: list[str], settings=None):
     from scipy.spatial import cKDTree
 
-    from reconstruction.surface.pipeline import SurfaceSettings, build_surface
+    from reconstruction.surface.pipeline import build_surface
 
     x, e, n = fitted.vertices, fitted.edges, fitted.vertex_normals
     points = np.concatenate([x, x[e].mean(axis=1), x[fitted.faces].mean(axis=1)])
     normals = np.concatenate([n, n[e].sum(axis=1), fitted.face_normals])
     spread = np.concatenate([sigma, sigma[e].max(axis=1), sigma[fitted.faces].max(axis=1)])
-    curves = [x[loop] for loop in boundary_loops(fitted.faces)]
-    made = build_surface(points, normals, spread, curves, SurfaceSettings(edge=edge, adaptive=False))
+    made = build_surface(points, normals, spread, fitted, settings or SurfaceSettings(edge=edge, adaptive=False))
     actions += made.actions
     rim = made.mesh.boundary_vertices
     found = {}

@@ -17,12 +17,16 @@ from reconstruction.surface.poisson import poisson_surface
 from reconstruction.surface.quality import Quality, quality_table
 from reconstruction.surface.remesh import even_edge, remesh
 from reconstruction.surface.repair import repair
+from reconstruction.surface.sheet import trim_by_sheet
 from reconstruction.surface.subdivision import ANGLE, adaptive_loop, uniform_loop
 from reconstruction.surface.triangles import TriangleMesh
 from reconstruction.surface.trimming import FACTOR, Trimmed, trim_by_distance, trimmed
 
 EDGE = 1.5
 """Edges before subdivision, in point spacings: the Poisson surface is extracted finer than the points tell."""
+
+REACH = 4.0
+"""How far the surface may be from a sheet that bounds it, in point spacings or cells."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,9 @@ class SurfaceSettings:
     edge : float or None
         Edge of that, m; None takes :data:`EDGE` point spacings, or what the Poisson surface has if that is longer.
     adaptive : bool
-        Subdivide by curvature; otherwise not at all (control).
+        Subdivide by curvature; otherwise not at all (control), or everywhere.
+    uniform : int
+        Splits of every triangle where `adaptive` is off (control).
     angle : float
         θ of :mod:`reconstruction.surface.subdivision`, rad.
     kappa : float or None
@@ -63,6 +69,7 @@ class SurfaceSettings:
     even: bool = True
     edge: float | None = None
     adaptive: bool = True
+    uniform: int = 0
     angle: float = ANGLE
     kappa: float | None = None
     levels: int = 2
@@ -119,7 +126,7 @@ def build_surface(
     points,
     normals,
     sigma=None,
-    openings: int | Sequence | None = None,
+    openings: int | Sequence | TriangleMesh | None = None,
     settings: SurfaceSettings | None = None,
     closed: bool = False,
 ) -> SurfaceResult:
@@ -131,8 +138,9 @@ def build_surface(
         m; outward.
     sigma : float or (n,) array, optional
         Standard deviations of the points, m.
-    openings : int or sequence of (k, 3) arrays, optional
-        Closed curves (hem, cuffs, collar; m) to cut along; or how many openings there must be after trimming by distance;
+    openings : int, sequence of (k, 3) arrays or TriangleMesh, optional
+        Closed curves (hem, cuffs, collar; m) to cut along; or a sheet whose extent is kept
+        (:func:`reconstruction.surface.sheet.trim_by_sheet`); or how many openings there must be after trimming by distance;
         None: as many as there are.
     settings : SurfaceSettings, optional
     closed : bool
@@ -185,6 +193,9 @@ def build_surface(
             f"{marks} triangles marked by curvature, {len(even.faces)} became {len(fine.faces)}; "
             f"vertices moved {1e3 * made.moved:.2g} mm at most"
         )
+    elif s.uniform:
+        fine = uniform_loop(even, s.uniform)
+        actions.append(f"every triangle split {s.uniform} times, {len(even.faces)} became {len(fine.faces)}")
     lap("subdivision")
     final = fine
     energies: tuple[float, ...] = ()
@@ -212,4 +223,6 @@ def _open(base, openings, s: SurfaceSettings, closed: bool) -> Trimmed:
         return trimmed(base.mesh, base.mesh, [])
     if openings is None or isinstance(openings, (int, np.integer)):
         return trim_by_distance(base.mesh, base.points, base.spacing, s.trim, None if openings is None else int(openings))
+    if isinstance(openings, TriangleMesh):
+        return trim_by_sheet(base.mesh, openings, REACH * max(base.spacing, base.cell))
     return trim_by_curves(base.mesh, openings, base.points)

@@ -220,11 +220,11 @@ def test_further_benchmarks_train_with_all_they_may_show(tmp_path, monkeypatch):
     (sample,) = stick_figures.make(tmp_path, 1)
     every = np.ones(12, bool)
 
-    def entry(split, identity):
+    def entry(split, identity, damage=0):
         return SimpleNamespace(path=sample.image_path, keypoints=sample.keypoints, visible=every, present=every, intact=every,
-                               style="mural", damage=0, split=split, identity=identity)
+                               style="mural", damage=damage, split=split, identity=identity)
 
-    entries = (entry("test", "I0001"), entry("validation", "I0003"), entry("test-type", "H0000"))
+    entries = (entry("test", "I0001"), entry("test", "I0001", 3), entry("validation", "I0003"), entry("test-type", "H0000"))
     seeds = {"first": 0, "second": 1, "third": 0}
     for name in seeds:
         (tmp_path / name).mkdir()
