@@ -112,7 +112,14 @@ def _length(loop: np.ndarray) -> float:
 def _neck(loops, x, middle) -> np.ndarray | None:
     """The opening above the middle of the garment, about its axis, that is neither the whole rim nor far out."""
     top, low = x[:, 2].max(), x[:, 2].min()
-    fit = [c for c in loops if c[:, 2].mean() > 0.5 * (top + low) and abs(c[:, 0].mean() - middle) < 0.1 and np.ptp(c[:, 0]) < 0.5]
+    fit = [
+        c
+        for c in loops
+        if c[:, 2].mean() > 0.5 * (top + low)
+        and abs(c[:, 0].mean() - middle) < 0.1
+        and c[:, 0].min() < middle < c[:, 0].max()
+        and np.ptp(c[:, 0]) < 0.5
+    ]
     return max(fit, key=lambda c: c[:, 2].mean(), default=None)
 
 
