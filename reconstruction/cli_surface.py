@@ -1,4 +1,4 @@
-"""``mfar study surface``."""
+"""``mfar study surface`` and ``mfar mesh repair``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,41 @@ from typing import Annotated, Any
 import typer
 
 from mfar_fem.cli.console import check_writable, emit, progress
+
+
+def repair(
+    source: Annotated[Path, typer.Argument(help="Mesh file: .obj .ply .stl .off .vtk .vtu .msh .glb .gltf")],
+    target: Annotated[Path, typer.Argument(help="Mesh file to write.")],
+    openings: Annotated[
+        int | None, typer.Option(min=0, help="Openings that stay, the longest; other holes are closed. None: all stay.")
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Metres per file unit: 0.001 for millimetres.")] = 1.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Mend a triangle mesh (holes, turned or repeated triangles, doubled vertices, crossings) and list what was done."""
+    from mfar_fem.surface.io import read_mesh, write_mesh
+    from reconstruction.surface.repair import repair as mend
+    from reconstruction.surface.triangles import TriangleMesh
+
+    read = read_mesh(source, scale)
+    made = mend(TriangleMesh(read.vertices, read.triangles), openings)
+    written = write_mesh(target, made.mesh.vertices, made.mesh.faces)
+    before = {"vertices": len(read.vertices), "faces": len(read.triangles)}
+    emit(made.to_dict() | {"before": before, "written": str(written)}, as_json, _show_repair)
+
+
+def _show_repair(payload: Mapping[str, Any]) -> list[Any]:
+    from rich.table import Table
+
+    table = Table(title="What was done")
+    for name in ("step", "count", "first ids"):
+        table.add_column(name, justify="right" if name == "count" else "left")
+    for action in payload["actions"]:
+        ids = ", ".join(str(i) for i in action["ids"][:8]) + (" …" if len(action["ids"]) > 8 else "")
+        table.add_row(action["what"], str(action["count"]), ids)
+    old, new = (f"{p['vertices']} vertices and {p['faces']} triangles" for p in (payload["before"], payload))
+    last = f"{old} became {new}; written to {payload['written']}"
+    return [table if payload["actions"] else "nothing had to be done", last]
 
 
 def study_surface(

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from reconstruction.benchmark.splits import HELD_OUT
 from reconstruction.landmarks import LANDMARKS
 from reconstruction.metrics import features
 from reconstruction.metrics.experts import write_form
@@ -45,14 +46,19 @@ def distance_estimates(rows: Sequence[Mapping[str, Any]]) -> list[Estimate]:
 
 
 def keypoint_estimates(scored: Sequence[Mapping[str, Any]]) -> list[Estimate]:
-    """Figure 5: RMSE by point; intervals over the garments of the mean square."""
+    """Figure 5: RMSE by point, garments of types that the detector knows and of the held-out one apart; intervals over the garments
+    of the mean square."""
     out = []
     for name in LANDMARKS:
-        squares = [(i, e**2) for i, s in enumerate(scored) for n, e in s["keypoints"] if n == name]
-        if squares:
+        for method, held_out in (("MFAR", False), ("MFAR, held-out type", True)):
+            mine = [s for s in scored if (s["garment"] == HELD_OUT) == held_out]
+            squares = [(i, e**2) for i, s in enumerate(mine) for n, e in s["keypoints"] if n == name]
+            if not squares:
+                continue
             found = mean_interval(np.array([v for _, v in squares]), np.array([i for i, _ in squares]))
             root = [float(np.sqrt(max(v, 0.0))) for v in (found.value, found.low, found.high)]
-            out.append(Estimate(name, "MFAR", root[0], min(root[0], root[1]), max(root[0], root[2]), len({i for i, _ in squares})))
+            count = len({i for i, _ in squares})
+            out.append(Estimate(name, method, root[0], min(root[0], root[1]), max(root[0], root[2]), count))
     return out
 
 

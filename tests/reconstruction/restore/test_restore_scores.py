@@ -64,6 +64,8 @@ def test_errors_of_points_are_those_of_pictures_256_px_high(study):
     found = keypoint_estimates(study[2])
     assert len(found) == 12
     assert all(e.value == pytest.approx(5.0 / 2, rel=1e-6) and e.n == 3 for e in found)  # 3 and 4 px of 512
+    apart = keypoint_estimates([study[2][0], *(s | {"garment": "veil-hat"} for s in study[2][1:])])
+    assert [(e.method, e.n) for e in apart[:2]] == [("MFAR", 1), ("MFAR, held-out type", 2)]
 
 
 def test_chance_is_that_of_other_garments_of_the_type(study):
