@@ -13,9 +13,9 @@ from mfar_fem.cli.console import check_writable, emit, progress
 
 def repair(
     source: Annotated[Path, typer.Argument(help="Mesh file: .obj .ply .stl .off .vtk .vtu .msh .glb .gltf")],
-    target: Annotated[Path, typer.Argument(help="Mesh file to write.")],
+    target: Annotated[Path, typer.Argument(help="Mesh file to write, in metres; data stored with the mesh is left out.")],
     openings: Annotated[
-        int | None, typer.Option(min=0, help="Openings that stay, the longest; other holes are closed. None: all stay.")
+        int | None, typer.Option(min=0, help="Openings that stay, the longest; other holes are closed. By default all stay.")
     ] = None,
     scale: Annotated[float, typer.Option(help="Metres per file unit: 0.001 for millimetres.")] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,

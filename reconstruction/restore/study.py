@@ -76,7 +76,7 @@ def compare(
         return fit_shape(garment, cut, true_points if oracle else found, views, stature(sources),
                          settings.get(method, FitSettings(edge=edge)), given=exact if method == "true depth" else None)  # fmt: skip
 
-    rows, fitted = [], None
+    rows, fitted, surfaces = [], None, _surfaces(edge)
     for method in methods:
         begin = time.perf_counter()
         row: dict[str, Any] = {"garment": garment, "method": method}
@@ -93,7 +93,7 @@ def compare(
                 hung = fit_shape(garment, dimensions, found, views, stature(sources),
                                  FitSettings(edge=COARSE, outlines=False, depths=False))  # fmt: skip
                 mesh = pix2vex(views, hung.sewn.mesh(hung.vertices)).mesh
-            elif method in (surfaces := _surfaces(edge)):
+            elif method in surfaces:
                 fitted = fitted or fit("restored")
                 begin = time.perf_counter()  # of what it adds
                 mesh = _poisson(fitted, edge, surfaces[method])

@@ -10,7 +10,7 @@ import numpy as np
 from mfar_fem.errors import SurfaceError
 from reconstruction.shape.untangle import untangle
 from reconstruction.shape.warp import WarpField, warp_field
-from reconstruction.surface.pipeline import SurfaceSettings
+from reconstruction.surface.pipeline import SurfaceSettings, build_surface
 from reconstruction.surface.triangles import TriangleMesh
 
 
@@ -69,8 +69,6 @@ def simulation_mesh(
 
 def _poisson(fitted: TriangleMesh, sigma, edge: float, openings, actions: list[str], settings=None):
     from scipy.spatial import cKDTree
-
-    from reconstruction.surface.pipeline import build_surface
 
     x, e, n = fitted.vertices, fitted.edges, fitted.vertex_normals
     points = np.concatenate([x, x[e].mean(axis=1), x[fitted.faces].mean(axis=1)])

@@ -6,18 +6,18 @@ import numpy as np
 
 from mfar_fem.errors import ParameterError
 from reconstruction.libraries import optional
-from reconstruction.surface.connectivity import boundary_loops, edge_faces, face_edges, face_pieces, loop_lengths
+from reconstruction.surface.connectivity import edge_faces, face_edges, face_pieces, loop_lengths
 from reconstruction.surface.cutting import split_at_zero
 from reconstruction.surface.triangles import TriangleMesh
-from reconstruction.surface.trimming import OpeningsError, Trimmed, fill_small_loops, trimmed
+from reconstruction.surface.trimming import OpeningsError, Trimmed, fill_small_loops, moved_to, trimmed
 
 SMALL = 0.5
 """Holes beyond the sheet's number and shorter than this part of its shortest rim are closed: where sheets touch, the surface has
 handles and holes."""
 
 
-def trim_by_sheet(mesh: TriangleMesh, sheet: TriangleMesh, reach: float, project: bool = True) -> Trimmed:
-    """Keep what lies over a sheet: near it, within its rims, in pieces that face its way.
+def trim_by_sheet(mesh: TriangleMesh, sheet: TriangleMesh, reach: float) -> Trimmed:
+    """Keep what lies over a sheet: near it, within its rims, in pieces that face its way; its new rim lies on the sheet's.
 
     The surface gets a function that is zero above the rims of the sheet: within them the distance of the nearest point of the
     sheet from its rim, beyond them the distance from the rim outwards in the sheet's plane, taken negative. Unlike a cut along
@@ -31,19 +31,18 @@ def trim_by_sheet(mesh: TriangleMesh, sheet: TriangleMesh, reach: float, project
         Oriented like the mesh, with one rim at least.
     reach : float
         What is farther from the sheet goes, m.
-    project : bool
-        Move the new rim onto the sheet's.
 
     Raises
     ------
     ParameterError
-        The sheet has no rim, or `reach` is not positive.
+        The sheet has no closed rim, or `reach` is not positive.
     OpeningsError
         Nothing of the surface lies over the sheet, or the result has another number of openings than it.
     """
+    lengths = loop_lengths(sheet)
+    if not lengths or not reach > 0:
+        raise ParameterError(f"a sheet with a rim and a positive reach are needed, not {len(lengths)} rims and {reach} m")
     rim = np.ascontiguousarray(sheet.boundary_edges)
-    if not len(rim) or not reach > 0:
-        raise ParameterError(f"a sheet with a rim and a positive reach are needed, not {len(rim)} rim edges and {reach} m")
     igl = optional("igl", "trimming needs")
     squared, _, nearest = igl.point_mesh_squared_distance(mesh.vertices, sheet.vertices, sheet.faces)
     distance = np.sqrt(np.maximum(squared, 0.0))
@@ -65,16 +64,16 @@ def trim_by_sheet(mesh: TriangleMesh, sheet: TriangleMesh, reach: float, project
     if gone.all():
         raise OpeningsError("what of the surface lies over the sheet faces the other way: are the normals turned?")
     kept = kept.submesh(~gone[label])
-    lengths = loop_lengths(sheet)
     openings = sorted(loop_lengths(kept), reverse=True)[: len(lengths)]  # those stay
     kept, filled = fill_small_loops(kept, min([SMALL * min(lengths), *openings]))
-    if project:
-        kept = _projected(kept, sheet, rim)
+    vertices, ids = kept.vertices.copy(), kept.boundary_vertices
+    vertices[ids] = igl.point_mesh_squared_distance(vertices[ids], sheet.vertices, rim)[2]
+    kept = moved_to(kept, vertices)
     actions = [
         f"{1e4 * (mesh.areas.sum() - kept.areas.sum()):.3g} cm² beyond the sheet's {len(lengths)} rims or farther than "
         f"{1e3 * reach:.3g} mm from it removed, {int(gone.sum())} islands or far sides among it, {filled} small holes closed"
     ]
-    return trimmed(kept, mesh, actions, len(boundary_loops(sheet.faces)))
+    return trimmed(kept, mesh, actions, len(lengths))
 
 
 def _outwards(sheet: TriangleMesh, rim: np.ndarray) -> np.ndarray:
@@ -88,14 +87,3 @@ def _outwards(sheet: TriangleMesh, rim: np.ndarray) -> np.ndarray:
     from_centre = sheet.vertices[rim[:, 0]] - sheet.vertices[sheet.faces[face]].mean(axis=1)
     away *= np.sign(np.einsum("ij,ij->i", away, from_centre))[:, None]
     return away / np.maximum(np.linalg.norm(away, axis=1), 1e-300)[:, None]
-
-
-def _projected(mesh: TriangleMesh, sheet: TriangleMesh, rim: np.ndarray) -> TriangleMesh:
-    """Rim vertices moved onto the sheet's rim, but where a face would turn over."""
-    igl = optional("igl", "trimming needs")
-    ids, vertices = mesh.boundary_vertices, mesh.vertices.copy()
-    vertices[ids] = igl.point_mesh_squared_distance(vertices[ids], sheet.vertices, rim)[2]
-    moved = TriangleMesh(vertices, mesh.faces)
-    bad = np.einsum("ij,ij->i", moved.area_vectors, mesh.area_vectors) < 0.1 * mesh.areas**2
-    vertices[mesh.faces[bad]] = mesh.vertices[mesh.faces[bad]]
-    return TriangleMesh(vertices, mesh.faces)

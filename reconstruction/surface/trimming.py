@@ -175,9 +175,13 @@ def smooth_boundary(mesh: TriangleMesh, steps: int = 10) -> TriangleMesh:
         for factor in (0.5, -0.52) * steps:
             line = line + factor * (0.5 * (np.roll(line, 1, axis=0) + np.roll(line, -1, axis=0)) - line)
         out[loop] = line
+    return moved_to(mesh, out)
+
+
+def moved_to(mesh: TriangleMesh, vertices: np.ndarray) -> TriangleMesh:
+    """The mesh with other places of its vertices, but for the corners of faces that would turn over or all but vanish."""
+    out = vertices.copy()
     moved = TriangleMesh(out, mesh.faces)
     bad = np.einsum("ij,ij->i", moved.area_vectors, mesh.area_vectors) < 0.2 * mesh.areas**2
-    if bad.any():  # a face would turn over: those corners stay
-        out[mesh.faces[bad]] = mesh.vertices[mesh.faces[bad]]
-        moved = TriangleMesh(out, mesh.faces)
-    return moved
+    out[mesh.faces[bad]] = mesh.vertices[mesh.faces[bad]]
+    return TriangleMesh(out, mesh.faces)
