@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from mfar_fem.cli.console import check_writable, emit, jsonable, progress
+from reconstruction.measure.vote import DEFAULT_WEIGHTING
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 
@@ -27,6 +29,8 @@ def fuse(
     gamma_low: Annotated[float, typer.Option(help="Share of the slow variations that stays; 1 leaves the light alone.")] = 0.3,
     gamma_high: Annotated[float, typer.Option(help="Gain of the fast ones.")] = 2.0,
     longest: Annotated[int, typer.Option(help="Longest side of the pictures that are matched, px.")] = 2000,
+    weighting: Annotated[str, typer.Option("--vote", help="Weights of the kinds in the vote on lengths: precision (inverse \
+variances) or paper (0.5, 0.3, 0.2).")] = DEFAULT_WEIGHTING,
     as_json: Json = False,
 ) -> None:
     """Even out the light of historical pictures, match all pairs, and say which fit together and which do not."""
@@ -47,7 +51,7 @@ def fuse(
     light = HighEmphasis(shape=filter_shape, cutoff=cutoff, gamma_low=gamma_low, gamma_high=gamma_high)
     count = len(sources.read(folder).sources)
     with progress("fuse", steps(count), quiet=as_json) as advance:
-        fusion = run(folder, out, settings, light, longest, {"measurements": measurements},
+        fusion = run(folder, out, settings, light, longest, {"measurements": partial(measurements, weighting=weighting)},
                      lambda label: advance(1, description=label))  # fmt: skip
     graph = fusion.graph
     payload = {"out": fusion.folder, "sources": [p.source.facts() | {"notes": p.notes, **p.light} for p in fusion.pictures],
@@ -121,7 +125,7 @@ def _cell(value: Any) -> str:
 
 def _show_fusion(payload) -> list:
     kinds = {"kinds": "kinds", "pairs": "pairs", "matched": "matched", "degenerate": "degenerate", "failed": "failed",
-             "share_matched": "share matched", "median_rate": "median inlier rate"}  # fmt: skip
+             "median_rate": "rate", "inliers": "inliers", "median_sampson_px": "own F, px"}  # fmt: skip
     shown: list[Any] = [f"{s['name']}: {'; '.join(s['notes'])}" for s in payload["sources"] if s["notes"]]
     if payload["by_kinds"]:
         shown.append(_table("Pairs by kinds of sources", payload["by_kinds"], kinds))

@@ -32,6 +32,10 @@ def keypoints(
     out: Annotated[Path, typer.Option("--out", "-o", help="Output folder.")] = Path("out/keypoints"),
     weights: Annotated[str, typer.Option(help="A detector of `mfar train keypoints` instead of the shipped one.")] = "shipped",
     kind: Annotated[str, typer.Option(help="Kind of the pictures without sources.toml: mural, figurine or textile.")] = "mural",
+    figure: Annotated[str | None, typer.Option(help="Figure on the pictures without sources.toml, male or female: its stature \
+sets the scale.")] = None,
+    garment: Annotated[str | None, typer.Option("--type", help="Type of the garment, for the template: round-collar-robe, \
+half-sleeve, flying-ribbon, veil-hat.")] = None,
     least: Annotated[float, typer.Option(min=0.0, max=1.0, help="Points less likely than this to exist are left out.")] = 0.5,
     flip: Annotated[bool, typer.Option("--flip/--no-flip", help="Look at the mirrored picture too: twice the time.")] = True,
     heatmaps: Annotated[bool, typer.Option("--heatmaps", help="Also draw the twelve heat maps of every picture.")] = False,
@@ -41,7 +45,8 @@ def keypoints(
     from reconstruction.keypoints.locate import locate
 
     with progress("keypoints", quiet=as_json) as advance:
-        payload = locate(images, out, weights, kind=kind, least=least, flip=flip, heatmaps=heatmaps, progress=advance)
+        payload = locate(images, out, weights, kind=kind, figure=figure, least=least, flip=flip, heatmaps=heatmaps, garment=garment,
+                         progress=advance)
     emit(payload, as_json, _show_points)
 
 
@@ -175,7 +180,8 @@ def _show_points(payload: Mapping[str, Any]) -> list:
         [image["name"], str(int(sum(image["present"]))), f"{min(image['confidence']):.2f}", "; ".join(image["notes"])]
         for image in payload["images"]
     ]
-    return [_table("Keypoints", ["picture", "points", "least confidence", "notes"], rows), f"written to {payload['out']}"]
+    return [_table("Keypoints", ["picture", "points", "least confidence", "notes"], rows), *payload["notes"],
+            f"written to {payload['out']}"]
 
 
 def _interval(row: Mapping[str, Any], key: str, digits: int) -> str:

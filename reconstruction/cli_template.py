@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from mfar_fem.cli.console import check_writable, emit, progress
+from reconstruction.measure.vote import DEFAULT_WEIGHTING
 
 KEYPOINTS = "keypoints.json"
 """Name of the keypoints file in a folder."""
@@ -22,7 +23,9 @@ def template(
         typer.Option("--type", help="round-collar-robe, half-sleeve, flying-ribbon, veil-hat; else what the file says, or a robe."),
     ] = None,
     loom: Annotated[str, typer.Option("--loom", help="Width of the cloth.")] = "57.5 cm",
-    weighting: Annotated[str, typer.Option("--vote", help="Weights of the kinds: paper (0.5, 0.3, 0.2) or precision.")] = "paper",
+    weighting: Annotated[
+        str, typer.Option("--vote", help="Weights of the kinds: precision (inverse variances) or paper (0.5, 0.3, 0.2).")
+    ] = DEFAULT_WEIGHTING,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Measure a garment on its images, vote, and write the cutting template at true scale (SVG, DXF, GarmentCode JSON)."""

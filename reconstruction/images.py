@@ -32,6 +32,7 @@ EXTENSIONS = {
 """Formats that are read, and the extensions that each may have."""
 KNOWN_EXTENSIONS = frozenset(extension for extensions in EXTENSIONS.values() for extension in extensions)
 _EXIF_ORIENTATION = 0x0112
+_TIFF_BITS_PER_SAMPLE = 258
 
 
 class ImageError(DataFileError):
@@ -224,7 +225,9 @@ def _eight_bit(picture, data: bytes, path: Path, notes: list[str]):
     """Modes of more than 8 bits a channel scaled to 8."""
     from PIL import Image
 
-    if picture.format == "PNG" and picture.mode not in ("I", "I;16", "I;16B") and data[24:25] == b"\x10":
+    deep = picture.format == "PNG" and data[24:25] == b"\x10"
+    deep |= picture.format == "TIFF" and max(picture.tag_v2.get(_TIFF_BITS_PER_SAMPLE, (8,))) > 8
+    if deep and not picture.mode.startswith(("I", "F")):
         notes.append("16 bits a channel scaled to 8")  # Pillow keeps the upper byte
     if not picture.mode.startswith(("I", "F")):
         return picture

@@ -6,7 +6,7 @@
       "format": "mfar keypoints", "version": 1, "garment": "round-collar-robe",
       "landmarks": ["left_shoulder", "right_shoulder", "..."],
       "images": [{
-        "path": "robe.png", "kind": "textile", "figure": null, "size": [768, 1024],
+        "path": "robe.png", "kind": "textile", "figure": null, "height": null, "size": [768, 1024],
         "keypoints": [[402.1, 88.0], null, "..."], "confidence": [0.93, 0.0, "..."], "present": [true, false, "..."],
         "sigma": 1.0, "mask": "robe_mask.png",
         "scale": {"marks": [[10, 20], [410, 20]], "length": 0.1, "sigma": 1.0},
@@ -14,13 +14,14 @@
       }]
     }
 
-``path`` and ``mask`` are relative to the file. ``keypoints`` follow :data:`reconstruction.landmarks.LANDMARKS` (12 points, px,
-null where absent); ``confidence`` and ``present`` may be left out (1 and "has a point"). ``sigma`` is the standard deviation of
-the points in pixels, one number or twelve. The mask (non-zero = garment) covers the outer face of the garment only: where the
-collar opens onto the lining there is no garment. ``scale`` is one of ``{"marks": [a, b], "length": m, "sigma": px}`` (two
-points at a known distance), ``{"dpi": number}``, ``{"metres_per_pixel": number, "relative_sigma": number}``,
-``{"head": [x, y], "foot": [x, y]}`` (crown and sole of the figure: its stature sets the scale), or absent: the proportions of the
-figure set it. ``curves`` are edges traced by hand which no silhouette shows (``lapel``, ``collar``).
+``path`` and ``mask`` are relative to the file. ``height`` is that of the figure in m, if it is known better than by its sex.
+``keypoints`` follow :data:`reconstruction.landmarks.LANDMARKS` (12 points, px, null where absent); ``confidence`` and ``present``
+may be left out (1 and "has a point"). ``sigma`` is the standard deviation of the points in pixels, one number or twelve. The mask
+(non-zero = garment) covers the outer face of the garment only: where the collar opens onto the lining there is no garment.
+``scale`` is one of ``{"marks": [a, b], "length": m, "sigma": px}`` (two points at a known distance), ``{"dpi": number}``,
+``{"metres_per_pixel": number, "relative_sigma": number}``, ``{"head": [x, y], "foot": [x, y]}`` (crown and sole of the figure: its
+stature sets the scale), or absent: the proportions of the figure set it. ``curves`` are edges traced by hand which no silhouette
+shows (``lapel``, ``collar``).
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ SCALE_FORMS: tuple[tuple[set[str], set[str]], ...] = (
     ({"head", "foot"}, {"sigma"}),
 )
 """Allowed forms of ``scale``: keys that must and keys that may be there."""
-_IMAGE_KEYS = ("path", "kind", "figure", "size", "keypoints", "confidence", "present", "sigma", "mask", "scale", "curves")
+_IMAGE_KEYS = ("path", "kind", "figure", "height", "size", "keypoints", "confidence", "present", "sigma", "mask", "scale", "curves")
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,8 @@ class ImageKeypoints:
         Traced edges, px.
     size : (int, int), optional
         Width and height of the image, px.
+    height : float, optional
+        Of the figure, m, if known.
     """
 
     path: Path
@@ -90,6 +93,7 @@ class ImageKeypoints:
     scale: Mapping[str, Any] | None = None
     curves: Mapping[str, np.ndarray] = field(default_factory=dict)
     size: tuple[int, int] | None = None
+    height: float | None = None
 
     @classmethod
     def of(cls, path, kind: str, points, *, confidence=None, present=None, sigma=DEFAULT_SIGMA, **more) -> ImageKeypoints:
@@ -101,6 +105,11 @@ class ImageKeypoints:
         return cls(Path(path), kind, points, sure, here, np.broadcast_to(np.asarray(sigma, dtype=float), (12,)).copy(), **more)
 
     @property
+    def stature(self) -> float:
+        """Height of the figure, m: as known, else of its sex, else a man's."""
+        return self.height if self.height is not None else STATURE[self.figure or "male"]
+
+    @property
     def name(self) -> str:
         """Name for tables: the file's name."""
         return self.path.name
@@ -108,6 +117,8 @@ class ImageKeypoints:
     def to_dict(self, base: Path) -> dict[str, Any]:
         """The JSON form; paths relative to the folder `base` where they lie in it."""
         data: dict[str, Any] = {"path": _relative(self.path, base), "kind": self.kind, "figure": self.figure}
+        if self.height is not None:
+            data["height"] = float(self.height)
         if self.size is not None:
             data["size"] = list(self.size)
         data["keypoints"] = [[float(x), float(y)] if ok else None for (x, y), ok in zip(self.points, self.present, strict=True)]
@@ -125,16 +136,19 @@ class ImageKeypoints:
 
 @dataclass(frozen=True)
 class KeypointsFile:
-    """All images of one garment, and its type if known."""
+    """All images of one garment, its type if known, and what whoever uses the points should know (``notes``)."""
 
     images: tuple[ImageKeypoints, ...]
     garment: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 def write_keypoints(path, contents: KeypointsFile) -> None:
     """Write the JSON file."""
     path = Path(path)
     data: dict[str, Any] = {"format": FORMAT, "version": VERSION, "garment": contents.garment, "landmarks": list(LANDMARKS)}
+    if contents.notes:
+        data["notes"] = list(contents.notes)
     data["images"] = [image.to_dict(path.parent) for image in contents.images]
     path.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
@@ -167,10 +181,13 @@ def read_keypoints(path) -> KeypointsFile:
     garment = data.get("garment")
     if not (garment is None or isinstance(garment, str)):
         raise DataFileError(f"must be a garment type or null, not {garment!r}", path=path, column="garment")
+    notes = data.get("notes", [])
+    if not (isinstance(notes, list) and all(isinstance(note, str) for note in notes)):
+        raise DataFileError("must be a list of texts", path=path, column="notes")
     images = data.get("images")
     if not isinstance(images, list) or not images:
         raise DataFileError("must be a list with at least one image", path=path, column="images")
-    return KeypointsFile(tuple(_Entry(path, i, entry).image() for i, entry in enumerate(images)), garment)
+    return KeypointsFile(tuple(_Entry(path, i, entry).image() for i, entry in enumerate(images)), garment, tuple(notes))
 
 
 def _relative(path: Path, base: Path) -> str:
@@ -202,6 +219,9 @@ class _Entry:
             raise self.error("kind", f"must be one of {', '.join(KINDS)}, not {data.get('kind')!r}")
         if data.get("figure") not in (None, *STATURE):
             raise self.error("figure", f"must be one of {', '.join(STATURE)} or null, not {data.get('figure')!r}")
+        height = data.get("height")
+        if height is not None and not (_is_number(height) and 0.5 < height < 2.5):
+            raise self.error("height", f"must be the height of a grown figure in m, between 0.5 and 2.5, or null, not {height!r}")
         points = self.points()
         finite = np.isfinite(points).all(axis=1)
         present = self.vector("present", finite, bool)
@@ -227,6 +247,7 @@ class _Entry:
             base / data["path"], data["kind"], np.where(present[:, None], points, np.nan), confidence, present, sigma,
             data.get("figure"), None if mask is None else base / mask, self.scale(),
             {key: self.polyline(f"curves.{key}", value) for key, value in curves.items()}, tuple(size) if size else None,
+            height,
         )
 
     def points(self) -> np.ndarray:

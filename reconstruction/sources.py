@@ -7,10 +7,13 @@ One ``[[image]]`` table a picture (``mfar fuse FOLDER --template`` writes them, 
     kind = "mural"                  # mural, figurine or textile
     licence = "CC BY 4.0"           # required: may the picture be used, and who is named
     figure = "female"               # male (1.75 m), female (1.65 m) or none
-    height = "168 cm"               # only if the figure's height is known better
+    height = "168 cm"               # only if the figure's height is known better than by its sex
+    box = [310, 80, 930, 1400]      # the figure, head to feet, if the picture shows much besides: left, top, right, bottom, px
     mask = "mural_3_mask.png"       # the garment in white (of a tunic its outer face), a picture of the same size
     scale = [{ from = [120, 40], to = [120, 940], length = "30 cm" }]    # marks in the picture, px
     dpi = 600                       # instead of scale: flat scans only
+    head = [402, 88]                # instead of scale: crown and sole of a figure that stands upright, px
+    foot = [410, 1205]
     camera = "mural_3_P.txt"        # 3x4 projection matrix, text
     camera_scale = 0.5              # pixels of this picture to one of the camera's (halved pictures: 0.5)
     date = "8th c."
@@ -39,7 +42,8 @@ NAME = "sources.toml"
 FIGURES = (*STATURE, "none")
 SCALE_TOLERANCE = 0.05
 """Relative disagreement of several scale marks from which on the picture counts as foreshortened, and is refused."""
-_KEYS = ("file", "kind", "licence", "figure", "height", "mask", "scale", "dpi", "camera", "camera_scale", "date", "place", "known")
+_KEYS = ("file", "kind", "licence", "figure", "height", "box", "mask", "scale", "dpi", "head", "foot", "camera", "camera_scale",
+         "date", "place", "known")
 
 
 class SourcesError(DataFileError):
@@ -77,11 +81,17 @@ class Source:
     figure : str
         ``male``, ``female`` or ``none``.
     height : float or None
-        Height of the figure that its picture is normalised to, m.
+        Height of the figure, m, if it is known better than by :data:`reconstruction.landmarks.STATURE`.
+    box : (float, float, float, float) or None
+        Of the figure (a textile): left, top, right, bottom, px.
     scale : tuple of ScaleMark
         Marks of known length.
     metres_per_pixel : float or None
         From the marks (their geometric mean) or the resolution.
+    dpi : float or None
+        Resolution of a flat scan.
+    head, foot : (float, float) or None
+        Crown and sole, px.
     mask : pathlib.Path or None
         Picture of the garment's outer face (white).
     camera : (3, 4) array or None
@@ -98,8 +108,12 @@ class Source:
     licence: str
     figure: str = "none"
     height: float | None = None
+    box: tuple[float, float, float, float] | None = None
     scale: tuple[ScaleMark, ...] = ()
     metres_per_pixel: float | None = None
+    dpi: float | None = None
+    head: tuple[float, float] | None = None
+    foot: tuple[float, float] | None = None
     mask: Path | None = None
     camera: np.ndarray | None = None
     date: str = ""
@@ -107,8 +121,17 @@ class Source:
     known: str = ""
     line: int | None = None
 
+    @property
+    def stature(self) -> float | None:
+        """Height that the figure's picture is normalised to, m; None without a figure."""
+        return self.height if self.height is not None else STATURE.get(self.figure)
+
     def scale_entry(self) -> dict | None:
-        """What the marks or the resolution say, as a file of keypoints takes it; None without either."""
+        """What marks, resolution or crown and sole say, as a file of keypoints takes it; None without any."""
+        if self.dpi is not None:
+            return {"dpi": self.dpi}
+        if self.head is not None and self.foot is not None:
+            return {"head": np.array(self.head), "foot": np.array(self.foot)}
         if len(self.scale) == 1:
             (mark,) = self.scale
             return {"marks": np.array([mark.start, mark.end]), "length": mark.length}
@@ -121,7 +144,7 @@ class Source:
     def facts(self) -> dict:
         """What is known, in plain types."""
         return {
-            "name": self.name, "kind": self.kind, "licence": self.licence, "figure": self.figure, "height_m": self.height,
+            "name": self.name, "kind": self.kind, "licence": self.licence, "figure": self.figure, "height_m": self.stature,
             "mask": None if self.mask is None else self.mask.name,
             "metres_per_pixel": self.metres_per_pixel, "camera": None if self.camera is None else self.camera.tolist(),
             "date": self.date, "place": self.place, "known": self.known,
@@ -149,13 +172,43 @@ class SourceSet:
             error.args = (f"{error} (listed in {self.path}, line {source.line})",)
             raise
 
-    def load_each(self, use: Callable[[Source], object] | None = None) -> None:
+    def mask(self, source: Source, size: tuple[int, int]) -> np.ndarray | None:
+        """The mask of a source, (h, w) bool, for its picture of `size` (width, height); None if it has none.
+
+        Raises
+        ------
+        SourcesError
+            It cannot be read, is empty or has another size; names the line of ``sources.toml``.
+        """
+        if source.mask is None:
+            return None
+        from reconstruction.measure.silhouette import read_mask
+
+        try:
+            return read_mask(source.mask, size)
+        except DataFileError as error:
+            raise SourcesError(f"the mask of '{source.name}' is wrong: {error}", path=self.path, line=source.line) from error
+
+    def _check_inside(self, source: Source, size: tuple[int, int]) -> None:
+        """What is marked in a picture must lie in it."""
+        width, height = size
+        marked = [("scale mark", point) for mark in source.scale for point in (mark.start, mark.end)]
+        marked += [(name, point) for name, point in (("head", source.head), ("foot", source.foot)) if point is not None]
+        for name, (x, y) in marked:
+            if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
+                raise SourcesError(f"the {name} ({x:g}, {y:g}) of '{source.name}' lies outside the picture of "
+                                   f"{width} x {height} px", path=self.path, line=source.line)  # fmt: skip
+        if source.box is not None and not (source.box[0] < width and source.box[1] < height and min(source.box[2:]) > 0):
+            raise SourcesError(f"the box {list(source.box)} of '{source.name}' lies outside the picture of {width} x {height} px",
+                               path=self.path, line=source.line)  # fmt: skip
+
+    def load_each(self, use: Callable[[Source, LoadedImage], object] | None = None) -> None:
         """Read and check every picture, one at a time in memory.
 
         Parameters
         ----------
         use : callable, optional
-            Called with each source whose picture passed.
+            Called with each source that passed, and its picture.
 
         Raises
         ------
@@ -170,17 +223,10 @@ class SourceSet:
             if (twin := seen.setdefault(image.digest, source)) is not source:
                 raise SourcesError(f"'{source.name}' and '{twin.name}' are the same picture, byte for byte; list it once",
                                    path=self.path, line=source.line)  # fmt: skip
-            width, height = image.size
-            if source.mask is not None and (size := load(source.mask).size) != image.size:
-                raise SourcesError(f"the mask of '{source.name}' has {size[0]} x {size[1]} px, its picture {width} x {height}",
-                                   path=self.path, line=source.line)  # fmt: skip
-            for mark in source.scale:
-                for x, y in (mark.start, mark.end):
-                    if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
-                        raise SourcesError(f"the scale mark ({x:g}, {y:g}) of '{source.name}' lies outside the picture of "
-                                           f"{width} x {height} px", path=self.path, line=source.line)  # fmt: skip
+            self.mask(source, image.size)
+            self._check_inside(source, image.size)
             if use is not None:
-                use(source)
+                use(source, image)
 
 
 def read(folder) -> SourceSet:
@@ -298,10 +344,12 @@ def _source(file: TomlFile, folder: Path, number: str) -> Source:
     if height is not None and not 0.5 < height < 2.5:
         raise file.error(f"a figure of {height:g} m is not a grown person: between 0.5 and 2.5 m", *at, "height")
     scale = _scale_marks(file, at)
+    dpi, head, foot = _dpi(file, at, scale), _point(file, at, "head"), _point(file, at, "foot")
+    _check_stature(file, at, figure, head, foot, scale or dpi)
     return Source(
         name=Path(name).as_posix(), path=path, kind=kind, licence=licence, figure=figure,
-        height=height if height is not None else STATURE.get(figure), scale=scale,
-        metres_per_pixel=_resolution(file, at, scale), mask=_mask(file, at, folder),
+        height=height, box=_box(file, at), scale=scale, metres_per_pixel=_resolution(file, at, scale, dpi), dpi=dpi,
+        head=head, foot=foot, mask=_mask(file, at, folder),
         camera=_camera(file, at, folder), line=file.line(*at),
         **{key: _text(file, (*at, key), default="") for key in ("date", "place", "known")},
     )  # fmt: skip
@@ -351,15 +399,54 @@ def _is_point(value) -> bool:
     return numbers and all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in value)
 
 
-def _resolution(file: TomlFile, at: tuple[str, ...], marks: tuple[ScaleMark, ...]) -> float | None:
+def _dpi(file: TomlFile, at: tuple[str, ...], marks: tuple[ScaleMark, ...]) -> float | None:
+    if file.get(*at, "dpi", default=None) is None:
+        return None
+    dpi = file.get(*at, "dpi", kind=(int, float))
+    if marks:
+        raise file.error("give either dpi or scale, not both", *at, "dpi")
+    if not (dpi > 0 and math.isfinite(dpi)):
+        raise file.error(f"must be a positive number of pixels per inch, not {dpi}", *at, "dpi")
+    return float(dpi)
+
+
+def _point(file: TomlFile, at: tuple[str, ...], key: str) -> tuple[float, float] | None:
+    value = file.get(*at, key, default=None)
+    if value is None:
+        return None
+    if not _is_point(value):
+        raise file.error(f"must be a point [x, y] in pixels, not {value!r}", *at, key)
+    return float(value[0]), float(value[1])
+
+
+def _check_stature(file: TomlFile, at: tuple[str, ...], figure: str, head, foot, other) -> None:
+    """Crown and sole belong together, to a figure, and to no other scale."""
+    if (head is None) != (foot is None):
+        there, missing = ("head", "foot") if foot is None else ("foot", "head")
+        raise file.error(f"'{there}' needs '{missing}' too: crown and sole of the figure", *at, there)
+    if head is None:
+        return
+    if figure == "none":
+        raise file.error("head and foot need a figure: write figure = 'male' or 'female'", *at, "head")
+    if other:
+        raise file.error("give either head and foot, or scale, or dpi", *at, "head")
+    if math.dist(head, foot) < 1:
+        raise file.error("head and foot are the same point", *at, "head")
+
+
+def _box(file: TomlFile, at: tuple[str, ...]) -> tuple[float, float, float, float] | None:
+    value = file.get(*at, "box", default=None)
+    if value is None:
+        return None
+    if not (isinstance(value, list) and len(value) == 4 and _is_point(value[:2]) and _is_point(value[2:])
+            and value[2] - value[0] >= 1 and value[3] - value[1] >= 1):
+        raise file.error(f"must be [left, top, right, bottom] in pixels, left < right and top < bottom, not {value!r}", *at, "box")
+    return tuple(map(float, value))  # type: ignore[return-value]
+
+
+def _resolution(file: TomlFile, at: tuple[str, ...], marks: tuple[ScaleMark, ...], dpi: float | None) -> float | None:
     """Metres per pixel."""
-    dpi = file.get(*at, "dpi", default=None)
     if dpi is not None:
-        dpi = file.get(*at, "dpi", kind=(int, float))
-        if marks:
-            raise file.error("give either dpi or scale, not both", *at, "dpi")
-        if not (dpi > 0 and math.isfinite(dpi)):
-            raise file.error(f"must be a positive number of pixels per inch, not {dpi}", *at, "dpi")
         return 0.0254 / dpi
     if not marks:
         return None

@@ -2,48 +2,108 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mfar_fem.cli.console import check_writable
 from mfar_fem.errors import InputError
 from reconstruction import images as pictures
 from reconstruction.images import LoadedImage
+from reconstruction.keypoints.baselines import mask_box
+from reconstruction.keypoints.framing import frame
 from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
-from reconstruction.landmarks import KINDS, LANDMARKS
+from reconstruction.landmarks import KINDS, LANDMARKS, STATURE
+from reconstruction.sources import Source, read
+from reconstruction.template.dimensions import garment_type
+
+if TYPE_CHECKING:
+    from reconstruction.keypoints.predict import Detector
 
 SHIPPED = "shipped"
 """Name of the detector that comes with the package."""
 FILE = "keypoints.json"
 
 
-def entries_of(paths: Sequence[Path], kind: str = "mural") -> tuple[list[tuple[Path, str, dict[str, Any]]], list[LoadedImage]]:
-    """Path, kind and what is known of each picture, and the pictures, of a list of files or one folder with a ``sources.toml``.
+UNSURE = 0.6
+"""Mean confidence of a picture's points from which on down its framing is worth a look (0.93 on pictures framed as in training)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A picture whose points are to be found.
+
+    Attributes
+    ----------
+    path : Path
+    kind : str
+    image : LoadedImage
+    box : (x0, y0, x1, y1) or None
+        Where to look (:mod:`reconstruction.keypoints.framing`).
+    known : mapping
+        What else the file of keypoints keeps: ``figure``, ``height``, ``mask``, ``scale``.
+    """
+
+    path: Path
+    kind: str
+    image: LoadedImage
+    box: tuple[float, float, float, float] | None = None
+    known: Mapping[str, Any] = field(default_factory=dict)
+
+
+def entries_of(paths: Sequence[Path], kind: str = "mural", figure: str | None = None,
+               progress: Callable[..., None] | None = None) -> list[Entry]:
+    """The pictures of a list of files, or of one folder with a ``sources.toml``.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    kind, figure : str
+        Of pictures without ``sources.toml``.
+    progress : callable, optional
+        ``progress(total=n)`` when their number is known, ``progress(1)`` after each.
 
     Raises
     ------
     InputError
-        Unknown kind, or the folder is wrong.
+        Unknown kind or figure, or the folder or a picture is wrong.
     """
+    report = progress or (lambda *number, **more: None)
     if len(paths) == 1 and (paths[0].is_dir() or paths[0].suffix.lower() == ".toml"):
-        from reconstruction.sources import read
+        found, entries = read(paths[0]), []
+        report(0, total=2 * len(found.sources))
 
-        found = read(paths[0])
-        return [(s.path, s.kind, {"figure": None if s.figure == "none" else s.figure, "mask": s.mask, "scale": s.scale_entry()})
-                for s in found.sources], [found.load(s) for s in found.sources]
+        def use(source: Source, image: LoadedImage) -> None:
+            mask = found.mask(source, image.size)
+            box = frame(source.kind, image.size, None if mask is None else mask_box(mask), source.box)
+            known = {"figure": None if source.figure == "none" else source.figure, "height": source.height, "mask": source.mask,
+                     "scale": source.scale_entry()}
+            entries.append(Entry(source.path, source.kind, image, box, known))
+            report(1)
+
+        found.load_each(use)
+        return entries
     if kind not in KINDS:
         raise InputError(f"--kind '{kind}' is none of {', '.join(KINDS)}")
+    if figure not in (None, *STATURE):
+        raise InputError(f"--figure '{figure}' is none of {', '.join(STATURE)}")
     for path in paths:
         if not path.is_file():
             what = "is a folder; give one folder with a sources.toml alone, or pictures" if path.is_dir() else "does not exist"
             raise InputError(f"{path}: {what}{'' if path.is_dir() else '; give pictures, or one folder with a sources.toml'}")
-    return [(path, kind, {}) for path in paths], [pictures.load(path) for path in paths]
+    report(0, total=2 * len(paths))
+    entries = []
+    for path in paths:
+        entries.append(Entry(path, kind, pictures.load(path), known={"figure": figure}))
+        report(1)
+    return entries
 
 
 def locate(
-    paths: Sequence[Path], folder: Path, weights: str = SHIPPED, *, kind: str = "mural", least: float = 0.5, flip: bool = True,
-    heatmaps: bool = False, garment: str | None = None, progress: Callable[..., None] | None = None,
+    paths: Sequence[Path], folder: Path, weights: str = SHIPPED, *, kind: str = "mural", figure: str | None = None,
+    least: float = 0.5, flip: bool = True, heatmaps: bool = False, garment: str | None = None,
+    progress: Callable[..., None] | None = None,
 ) -> dict[str, Any]:
     """Find the twelve points of pictures.
 
@@ -56,7 +116,7 @@ def locate(
         each.
     weights : str
         A detector's file, or "shipped".
-    kind : str
+    kind, figure : str
         Of pictures without ``sources.toml``.
     least : float
         Points less likely than this to exist are left out.
@@ -65,45 +125,56 @@ def locate(
     garment : str, optional
         Type, for the file.
     progress : callable, optional
-        ``progress(1)`` after each picture, ``progress(total=n)`` at the start.
+        ``progress(1)`` after each picture that was read or looked at, ``progress(0, total=2 n)`` at the start.
 
     Returns
     -------
     dict
-        ``out``, ``weights``, ``within_px_of_256x192``, ``landmarks``, ``images`` (``name``, ``points``, ``confidence``,
-        ``present``, ``notes``).
+        ``out``, ``weights``, ``within_px_of_256x192``, ``landmarks``, ``notes`` (what a user of the points should know),
+        ``images`` (``name``, ``points``, ``confidence``, ``present``, ``box``, ``notes``).
     """
     from reconstruction.keypoints.plots import save_heatmaps, save_predictions
     from reconstruction.keypoints.predict import Detector
 
-    entries, loaded = entries_of(paths, kind)
-    if progress is not None:
-        progress(0, total=len(entries))
-    for (path, _, known), image in zip(entries, loaded, strict=True):
-        mask = known.get("mask")
-        if mask is not None and (size := pictures.load(mask).size) != image.size:
-            w, h = image.size
-            raise InputError(f"the mask '{mask}' has {size[0]} x {size[1]} px, its picture '{path.name}' {w} x {h}")
+    garment = None if garment is None else garment_type(garment)
+    entries = entries_of(paths, kind, figure, progress)
     detector = Detector.load(weights)
     detector.flip = flip
     folder = check_writable(folder)
-    p = detector.predict([i.rgb for i in loaded], keep_heatmaps=True, progress=progress)
+    loaded = [e.image for e in entries]
+    p = detector.predict([i.rgb for i in loaded], [e.box for e in entries], batch_size=4, keep_heatmaps=True, progress=progress)
     present, sigma = p.present >= least, p.deviations()
     found = [
-        ImageKeypoints.of(path, k, p.points[i], confidence=p.confidence[i], present=present[i], sigma=sigma[i],
-                          size=loaded[i].size, **known)
-        for i, (path, k, known) in enumerate(entries)
+        ImageKeypoints.of(e.path, e.kind, p.points[i], confidence=p.confidence[i], present=present[i], sigma=sigma[i],
+                          size=e.image.size, **e.known)
+        for i, e in enumerate(entries)
     ]
-    write_keypoints(folder / FILE, KeypointsFile(tuple(found), garment))
-    names = [path.name for path, _, _ in entries]
+    notes = _notes(found, detector, garment)
+    write_keypoints(folder / FILE, KeypointsFile(tuple(found), garment, notes))
+    names = [e.path.name for e in entries]
     save_predictions([i.rgb for i in loaded], p, folder / "predictions.png", names)
     if heatmaps and p.heatmaps is not None:
         for i, image in enumerate(loaded):
             save_heatmaps(image.rgb, p.matrices[i], p.heatmaps[i], folder / f"heatmaps_{i + 1:03d}_{Path(names[i]).stem}.png")
     return {
-        "out": folder, "weights": weights, "within_px_of_256x192": p.within, "landmarks": LANDMARKS,
+        "out": folder, "weights": weights, "within_px_of_256x192": p.within, "landmarks": LANDMARKS, "notes": notes,
         "images": [
-            {"name": name, "points": p.points[i], "confidence": p.confidence[i], "present": present[i], "notes": loaded[i].notes}
-            for i, name in enumerate(names)
+            {"name": e.path.name, "points": p.points[i], "confidence": p.confidence[i], "present": present[i], "box": e.box,
+             "notes": e.image.notes}
+            for i, e in enumerate(entries)
         ],
     }
+
+
+def _notes(found: Sequence[ImageKeypoints], detector: Detector, garment: str | None) -> tuple[str, ...]:
+    """What makes points doubtful: a type that the detector was never trained on, pictures framed otherwise than in training."""
+    notes = []
+    seen = detector.notes.get("types")
+    if garment is not None and seen and garment not in seen:
+        notes.append(f"the detector was never trained on a {garment} (only on {', '.join(seen)}): check its points, or set them by "
+                     f"hand in {FILE}")
+    for image in found:
+        if image.present.any() and (mean := float(image.confidence[image.present].mean())) < UNSURE:
+            notes.append(f"{image.name}: points are uncertain (mean confidence {mean:.2f}). The detector expects pictures framed "
+                         "on one figure, head to feet: give 'box' or 'mask' in sources.toml, or cut the picture out")
+    return tuple(notes)

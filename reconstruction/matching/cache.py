@@ -18,7 +18,7 @@ from mfar_fem.files import replace_bytes
 from reconstruction.matching.features import Features
 from reconstruction.matching.pair import PairResult
 
-VERSION = 1
+VERSION = 2
 """Raised whenever the same input gives another result: what older versions left is then computed again."""
 _ARRAYS = ("fundamental", "homography", "points", "mask")
 log = logging.getLogger(__name__)

@@ -144,7 +144,7 @@ def fuse(folder, out, settings: MatchSettings | None = None, light: HighEmphasis
         raise InputError(f"the output folder '{out}' lies in the folder of the sources, where its pictures would count as sources; "
                          "choose another with --out")  # fmt: skip
     out = check_writable(out)
-    found.load_each(lambda source: report(f"read {source.name}"))
+    found.load_each(lambda source, image: report(f"read {source.name}"))
     ready = []
     for number, source in enumerate(found.sources):
         ready.append(_prepare(number, source, out, light, longest))
@@ -168,6 +168,7 @@ def fuse(folder, out, settings: MatchSettings | None = None, light: HighEmphasis
     graph = MatchGraph({p.source.name: p.source.kind for p in ready}, tuple(results))
     fusion = Fusion(out, found, tuple(ready), graph, settings, light)
     files = graph.write(out) + _draw(fusion, keys, report)
+    _write(fusion, files)  # what a later stage refuses must not take the matches with it
     for name, stage in (stages or {}).items():
         fusion = Fusion(out, found, tuple(ready), graph, settings, light, {**fusion.stages, name: stage(fusion)})
     _write(fusion, files)
@@ -288,7 +289,7 @@ def _draw(fusion: Fusion, keys: list[str], report: Report) -> list[Path]:
             pictures.match_lines(path, r, small[r.a], small[r.b], (scales[r.a], scales[r.b]), key)
         files.append(path)
         report(f"drew {r.a} - {r.b}")
-    for old in set(folder.glob("*.png")) - set(files):  # of another set of sources
+    for old in set(folder.glob("[0-9][0-9][0-9]_[0-9][0-9][0-9].png")) - set(files):  # of another set of sources
         old.unlink()
     return files
 

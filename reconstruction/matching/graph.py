@@ -61,7 +61,9 @@ class MatchGraph:
         return sorted(groups, key=lambda group: (-len(group), order[group[0]]))
 
     def by_kinds(self) -> list[dict]:
-        """For every pair of kinds: pairs tried, matched, degenerate, failed, and the median inlier rate of all of them."""
+        """For every pair of kinds: pairs tried, matched, degenerate, failed, the median inlier rate of all of them; of the matched
+        ones all inliers and the medians of their Sampson distances to the lines estimated and of the given cameras, px (NaN
+        without)."""
         present = list(dict.fromkeys(self.kinds.values()))
         rows = []
         for pair in itertools.combinations_with_replacement(present, 2):
@@ -69,11 +71,14 @@ class MatchGraph:
             if not chosen:
                 continue
             rates = [r.rate if r.putative else 0.0 for r in chosen]
+            matched = [r for r in chosen if r.matched]
             rows.append({
-                "kinds": " - ".join(pair), "pairs": len(chosen), "matched": sum(r.matched for r in chosen),
+                "kinds": " - ".join(pair), "pairs": len(chosen), "matched": len(matched),
                 "degenerate": sum(r.status.startswith("degenerate") for r in chosen),
                 "failed": sum(r.status.startswith("failed") for r in chosen),
-                "share_matched": sum(r.matched for r in chosen) / len(chosen), "median_rate": float(np.median(rates)),
+                "share_matched": len(matched) / len(chosen), "median_rate": float(np.median(rates)),
+                "inliers": sum(r.inliers for r in matched), "median_sampson_px": _median([r.sampson for r in matched]),
+                "median_sampson_cameras_px": _median([r.sampson_cameras for r in matched]),
             })  # fmt: skip
         return rows
 
@@ -99,6 +104,12 @@ class MatchGraph:
         path = folder / "matches.json"
         path.write_text(json.dumps(jsonable(self.to_dict()), indent=1), encoding="utf-8")
         return [*files, path]
+
+
+def _median(values: Sequence[float]) -> float:
+    """Median of what is known; NaN without."""
+    known = [v for v in values if not math.isnan(v)]
+    return float(np.median(known)) if known else math.nan
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from reconstruction.matching.nearest import Putative, putative
 from reconstruction.matching.robust import fundamental_matrix, homography
 from reconstruction.matching.settings import MatchSettings
 
+WIDE_BASELINE = math.radians(30)
+"""Angle between viewing directions from which on descriptors of patches are known to fail (K. Mikolajczyk et al., A comparison of
+affine region detectors, Int. J. Comput. Vis. 65 (2005) 43, doi:10.1007/s11263-005-3848-x: beyond 30 to 40 degrees)."""
 _NONE = np.zeros((0, 4))
 
 
@@ -43,6 +46,8 @@ class PairResult:
         The same to the F of the given cameras, px: correctness. NaN if no cameras are known.
     right_putative : float
         Share of putative matches within the threshold of the given cameras' epipolar lines; NaN if no cameras are known.
+    angle : float
+        Between the viewing directions of the given cameras, rad; NaN if no cameras are known.
     homography_share, gric_difference : float
         See :class:`reconstruction.matching.degenerate.Degeneracy`; GRIC of H less that of F.
     fundamental, homography : (3, 3) array or None
@@ -65,6 +70,7 @@ class PairResult:
     sampson: float = math.nan
     sampson_cameras: float = math.nan
     right_putative: float = math.nan
+    angle: float = math.nan
     homography_share: float = math.nan
     gric_difference: float = math.nan
     fundamental: np.ndarray | None = None
@@ -88,7 +94,7 @@ class PairResult:
             "a": self.a, "b": self.b, "status": self.status, "features_a": self.features[0], "features_b": self.features[1],
             "putative": self.putative, "inliers": self.inliers, "rate": self.rate, "tau": self.tau, "log10_nfa": self.log10_nfa,
             "median_sampson_px": self.sampson, "median_sampson_cameras_px": self.sampson_cameras,
-            "right_putative": self.right_putative, "homography_share": self.homography_share,
+            "right_putative": self.right_putative, "angle_deg": math.degrees(self.angle), "homography_share": self.homography_share,
             "gric_difference": self.gric_difference, "reason": self.reason,
         }  # fmt: skip
 
@@ -110,8 +116,19 @@ def match_pair(a: Features, b: Features, settings: MatchSettings, names: tuple[s
     Returns
     -------
     PairResult
-        Never an error: what failed is its status.
+        Never an error: what failed is its status; its reason names a wide baseline where the cameras show one.
     """
+    result = _match(a, b, settings, names, cameras)
+    if cameras is None:
+        return result
+    angle = known_cameras.baseline_angle(*cameras)
+    wide = f"a wide baseline, the cameras look {math.degrees(angle):.0f} degrees apart"
+    reason = result.reason if result.matched or angle < WIDE_BASELINE else "; ".join(filter(None, (result.reason, wide)))
+    return replace(result, angle=angle, reason=reason)
+
+
+def _match(a: Features, b: Features, settings: MatchSettings, names: tuple[str, str],
+           cameras: tuple[np.ndarray, np.ndarray] | None) -> PairResult:
     facts: dict = {"features": (len(a), len(b))}
     for features, name in ((a, names[0]), (b, names[1])):
         if len(features) == 0:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 
 from reconstruction.keypoints_file import ImageKeypoints
-from reconstruction.landmarks import PAIRS, STATURE
+from reconstruction.landmarks import PAIRS
 from reconstruction.libraries import opencv
 from reconstruction.measure.frame import TooFewPointsError
 from reconstruction.measure.skeleton import Skeleton
@@ -77,7 +77,7 @@ def canonical_map(image: ImageKeypoints, skeleton: Skeleton | None = None) -> Ca
     TooFewPointsError
         Fewer than :data:`FEWEST` landmarks, or all of them on a line.
     """
-    skeleton = skeleton or Skeleton.canonical(STATURE[image.figure or "male"])
+    skeleton = skeleton or Skeleton.canonical(image.stature)
     here = np.isfinite(image.points).all(axis=1)
     behind = _behind(image.points)
     plan = np.column_stack([skeleton.points[:, 0] * (-1.0 if behind else 1.0), skeleton.stature - skeleton.points[:, 2]])

@@ -10,8 +10,12 @@ from mfar_fem.errors import InputError
 from reconstruction.landmarks import INDEX, PARTS
 
 
-class TooFewPointsError(InputError):
-    """A picture shows too few of the landmarks to be measured; of several pictures it can be left out."""
+class CannotMeasureError(InputError):
+    """A picture cannot be measured; of several pictures it can be left out."""
+
+
+class TooFewPointsError(CannotMeasureError):
+    """A picture shows too few of the landmarks to be measured."""
 
 
 @dataclass(frozen=True)

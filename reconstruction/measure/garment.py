@@ -17,11 +17,11 @@ import numpy as np
 
 from mfar_fem.errors import InputError
 from reconstruction.keypoints_file import ImageKeypoints
-from reconstruction.landmarks import INDEX, STATURE
+from reconstruction.landmarks import INDEX
 from reconstruction.measure import outline
 from reconstruction.measure.accessories import measure_hat, measure_ribbon
 from reconstruction.measure.ellipse import flat_factor, flat_factor_sigma
-from reconstruction.measure.frame import TooFewPointsError, garment_frame, pair
+from reconstruction.measure.frame import CannotMeasureError, garment_frame, pair
 from reconstruction.measure.quantity import Measurement
 from reconstruction.measure.scale import Scale, image_scale
 from reconstruction.measure.silhouette import contour, read_mask
@@ -48,20 +48,20 @@ def measure_images(images: Iterable[ImageKeypoints], garment: str = "round-colla
     progress : callable, optional
         Called once an image.
     left_out : dict, optional
-        Gets the images (path: reason) that show too few points; without it, or if that is all of them, they raise.
+        Gets the images (path: reason) that show too few points or have no scale; without it, or if that is all of them, they raise.
 
     Raises
     ------
-    TooFewPointsError, InputError, DataFileError
+    CannotMeasureError, InputError, DataFileError
         See :func:`measure_image`.
     """
     measure = {"flying-ribbon": measure_ribbon, "veil-hat": measure_hat}.get(garment, measure_image)
     found: list[Measurement] = []
-    trouble: TooFewPointsError | None = None
+    trouble: CannotMeasureError | None = None
     for image in images:
         try:
             found += measure(image)
-        except TooFewPointsError as error:
+        except CannotMeasureError as error:
             if left_out is None:
                 raise
             left_out[str(image.path)], trouble = str(error).removeprefix(f"{image.path}: "), error
@@ -87,10 +87,10 @@ def measure_image(image: ImageKeypoints, scale: Scale | None = None, skeleton: S
 
     Raises
     ------
-    TooFewPointsError
-        The picture shows too few of the landmarks.
+    TooFewPointsError, NoScaleError
+        The picture shows too few of the landmarks, or nothing sets its scale.
     InputError, DataFileError
-        No scale, or the mask cannot be read or does not fit the points.
+        The mask cannot be read or does not fit the points.
     """
     scale = scale or image_scale(image)
     polygon = None
@@ -178,7 +178,7 @@ def _unforeshorten(m: Measurement, image: ImageKeypoints, scale: Scale, skeleton
 
     All segments are taken as foreshortened alike (fully correlated): both arms usually do the same.
     """
-    skeleton = skeleton or Skeleton.canonical(STATURE[image.figure or "male"])
+    skeleton = skeleton or Skeleton.canonical(image.stature)
     total, spread, sides = 0.0, 0.0, 0
     for side in ("left", "right"):
         ids = [INDEX[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")]

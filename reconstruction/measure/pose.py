@@ -17,7 +17,7 @@ import numpy as np
 
 from mfar_fem.errors import InputError
 from reconstruction.keypoints_file import ImageKeypoints
-from reconstruction.landmarks import LANDMARKS, STATURE
+from reconstruction.landmarks import LANDMARKS
 from reconstruction.measure.scale import image_scale
 from reconstruction.measure.skeleton import LIMBS, TORSO, Skeleton
 
@@ -217,7 +217,7 @@ def image_pose(image: ImageKeypoints, skeleton: Skeleton | None = None) -> PoseF
         By default the canonical one of the figure's stature (male if it is not said).
     """
     scale = image_scale(image)
-    skeleton = skeleton or Skeleton.canonical(STATURE[image.figure or "male"])
+    skeleton = skeleton or Skeleton.canonical(image.stature)
     return fit_pose(image.points, skeleton, image.sigma, 1 / scale.metres_per_pixel, max(scale.relative_sigma, 1e-3))
 
 

@@ -8,16 +8,24 @@ import numpy as np
 
 from mfar_fem.errors import InputError
 from reconstruction.keypoints_file import ImageKeypoints
-from reconstruction.landmarks import INDEX, STATURE
-from reconstruction.measure.frame import TooFewPointsError
+from reconstruction.landmarks import INDEX
+from reconstruction.measure.frame import CannotMeasureError, TooFewPointsError
 from reconstruction.measure.skeleton import Skeleton
 
 STATURE_SPREAD = 0.04
 """Relative standard deviation of adult stature within one sex (7 cm at 1.75 m; assumption, modern populations)."""
+KNOWN_STATURE_SPREAD = 0.01
+"""The same where the figure's own height is given: assumption."""
 PROPORTION_SPREAD = 0.10
 """Relative standard deviation of a scale taken from proportions of a drawn or modelled figure: assumption."""
 DPI_SPREAD = 0.002
 """Relative standard deviation of a scanner's resolution: assumption."""
+
+
+class NoScaleError(CannotMeasureError):
+    """Nothing says how large what a picture shows is; of several pictures it can be left out."""
+
+
 # Spans of a standing figure that are foreshortened little: vertical ones and the shoulders.
 _SPANS = (("neckline", "waist"), ("shoulder", "waist"), ("waist", "ankle"))
 
@@ -49,13 +57,16 @@ def image_scale(image: ImageKeypoints) -> Scale:
 
     Raises
     ------
-    InputError
-        Nothing sets the scale: a textile without marks, or a figure of unknown sex or with too few points.
+    NoScaleError
+        Nothing sets the scale: a textile without marks, or a figure of unknown sex.
+    TooFewPointsError
+        A figure with too few points.
     """
     given = image.scale
     if given is None:
         if image.figure is None:
-            raise InputError(f"{image.path}: nothing sets the scale: give 'scale' (marks and length, dpi, ...) or 'figure'")
+            raise NoScaleError(f"{image.path}: nothing sets the scale. In sources.toml give this picture 'scale' (marks and their "
+                               "length), 'dpi', or 'figure' (male or female); in keypoints.json 'scale' or 'figure'")
         return from_proportions(image)
     if "marks" in given:
         return from_marks(given["marks"], given["length"], given.get("sigma", 1.0), image.path)
@@ -64,8 +75,9 @@ def image_scale(image: ImageKeypoints) -> Scale:
     if "metres_per_pixel" in given:
         return Scale(given["metres_per_pixel"], given.get("relative_sigma", 0.0), "given metres per pixel")
     if image.figure is None:
-        raise InputError(f"{image.path}: 'scale' gives head and foot but 'figure' does not say whose stature (male or female)")
-    return from_stature(given["head"], given["foot"], image.figure, given.get("sigma", 1.0), image.path)
+        raise NoScaleError(f"{image.path}: 'scale' gives head and foot but 'figure' does not say whose stature (male or female)")
+    return from_stature(given["head"], given["foot"], image.stature, given.get("sigma", 1.0), image.path,
+                        STATURE_SPREAD if image.height is None else KNOWN_STATURE_SPREAD)
 
 
 def from_marks(marks, length: float, sigma: float = 1.0, path="") -> Scale:
@@ -85,11 +97,10 @@ def from_marks(marks, length: float, sigma: float = 1.0, path="") -> Scale:
     return Scale(length / extent, np.sqrt(2) * sigma / extent, f"scale marks {length:g} m apart")
 
 
-def from_stature(head, foot, figure: str, sigma: float = 1.0, path="") -> Scale:
-    """Scale from the extent of a standing figure, crown to sole, and the statures of the unified system (paper, fusion section)."""
+def from_stature(head, foot, stature: float, sigma: float = 1.0, path="", spread: float = STATURE_SPREAD) -> Scale:
+    """Scale from the extent of a standing figure, crown to sole, and its stature in m (paper, fusion section: 1.75 or 1.65)."""
     extent = _extent(np.asarray(head, dtype=float), np.asarray(foot, dtype=float), path)
-    relative = np.hypot(np.sqrt(2) * sigma / extent, STATURE_SPREAD)
-    return Scale(STATURE[figure] / extent, relative, f"stature {STATURE[figure]:g} m ({figure})")
+    return Scale(stature / extent, float(np.hypot(np.sqrt(2) * sigma / extent, spread)), f"stature {stature:g} m")
 
 
 def from_proportions(image: ImageKeypoints, skeleton: Skeleton | None = None) -> Scale:
@@ -103,7 +114,7 @@ def from_proportions(image: ImageKeypoints, skeleton: Skeleton | None = None) ->
     TooFewPointsError
         No span has both its ends.
     """
-    skeleton = skeleton or Skeleton.canonical(STATURE[image.figure or "male"])
+    skeleton = skeleton or Skeleton.canonical(image.stature)
     ratios = []
     shoulders = [INDEX["left_shoulder"], INDEX["right_shoulder"]]
     if image.present[shoulders].all():

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.measure.garment import measure_images
-from reconstruction.measure.vote import vote
+from reconstruction.measure.vote import DEFAULT_WEIGHTING, vote
 
 FILE = "keypoints.json"
 
@@ -23,8 +23,14 @@ class Fused(Protocol):
         """Sources, with their folder."""
 
 
-def measurements(fusion: Fused) -> dict[str, Any]:
+def measurements(fusion: Fused, weighting: str = DEFAULT_WEIGHTING) -> dict[str, Any]:
     """Lengths of every source in one system, the votes on them and the conflicts.
+
+    Parameters
+    ----------
+    fusion : Fused
+    weighting : str
+        See :func:`reconstruction.measure.vote.vote`.
 
     Returns
     -------
@@ -44,7 +50,7 @@ def measurements(fusion: Fused) -> dict[str, Any]:
     found = read_keypoints(path)
     left_out: dict[str, str] = {}
     lengths = measure_images(found.images, found.garment or "round-collar-robe", left_out=left_out)
-    votes, conflicts = vote(lengths)
+    votes, conflicts = vote(lengths, weighting=weighting)
     note = "; ".join(f"not measured: {path}: {reason}" for path, reason in left_out.items())
     return {"keypoints": str(path), "note": note, "measurements": [m.to_dict() for m in lengths],
             "votes": [v.to_dict() for v in votes.values()], "conflicts": [c.to_dict() for c in conflicts]}

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+import reconstruction.keypoints
 from mfar_fem.errors import InputError, UnknownNameError
 from mfar_fem.materials.fabric import Fabric, fabric_names
 from mfar_fem.tomlfile import suggest
@@ -128,8 +129,8 @@ def restore(
         tell(name)
         return stages.run(name, version, work, **more)
 
-    run("fusion", 1, lambda at: _fuse(sources, at, s), files=files, options={"seed": s.seed, "cameras": cameras})
-    run("keypoints", 1, lambda at: _keypoints(sources, at, s), files=files, options=_weights(s.weights))
+    run("fusion", 2, lambda at: _fuse(sources, at, s), files=files, options={"seed": s.seed, "cameras": cameras})
+    run("keypoints", 2, lambda at: _keypoints(sources, at, s), files=[*files, _weights(s.weights)], options=s.garment)
     points_file = stages.done["keypoints"].folder / "keypoints.json"
     run("template", 1, lambda at: _template(points_file, at, s), after=["keypoints"], options=[s.garment, s.vote])
     dimensions = stages.done["template"].folder / "dimensions.json"
@@ -189,8 +190,9 @@ def _fabric(name: str) -> Path | None:
     return None if name in fabric_names() else Path(name).resolve()
 
 
-def _weights(name: str) -> Any:
-    return name if name == "shipped" else Path(name)
+def _weights(name: str) -> Path:
+    """The detector's file: another one is another result, also where the shipped one changed."""
+    return Path(reconstruction.keypoints.__file__).parent / "weights" / "small.pt" if name == "shipped" else Path(name)
 
 
 def _fuse(sources: SourceSet, at: Path, s: RestoreSettings) -> dict[str, Any]:
@@ -205,7 +207,7 @@ def _fuse(sources: SourceSet, at: Path, s: RestoreSettings) -> dict[str, Any]:
 def _keypoints(sources: SourceSet, at: Path, s: RestoreSettings) -> dict[str, Any]:
     from reconstruction.keypoints.locate import locate
 
-    found = locate([sources.folder], at, s.weights)
+    found = locate([sources.folder], at, s.weights, garment=s.garment)
     return {
         "within_px_of_256x192": found["within_px_of_256x192"],
         "points": {image["name"]: int(np.sum(image["present"])) for image in found["images"]},
@@ -242,7 +244,7 @@ def read_dimensions(path: Path) -> tuple[str, Any]:
 
 def stature(sources: SourceSet) -> float:
     """Mean height of the figures in the pictures, m; of a man's without any."""
-    known = [x.height for x in sources.sources if x.height is not None]
+    known = [x.stature for x in sources.sources if x.stature is not None]
     return float(np.mean(known)) if known else STATURE["male"]
 
 

@@ -45,19 +45,25 @@ def specification(pattern: Pattern) -> dict[str, Any]:
     inner |= extra.get("pattern", {} if extra else {"panel_order": list(panels)})
     data = {"pattern": inner, "parameters": extra.get("parameters", {}), "parameter_order": extra.get("parameter_order", []),
             "properties": properties}
-    if not extra:
-        data["mfar"] = {
-            "garment": pattern.name,
-            "dimensions_m": json.loads(json.dumps({
-                key: asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
-                for key, value in pattern.parameters.items()
-            })),
-            "panels": {name: _details(panel) for name, panel in pattern.panels.items()},
-            "seams": [{"kind": seam.kind, "ease_m": seam.ease} for seam in pattern.seams],
-        }
-    elif "mfar" in extra:
-        data["mfar"] = extra["mfar"]
+    own = {
+        "garment": pattern.name,
+        "dimensions_m": json.loads(json.dumps({
+            key: asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+            for key, value in pattern.parameters.items()
+        })),
+        "panels": {name: _details(panel) for name, panel in pattern.panels.items()},
+        "seams": [{"kind": seam.kind, "ease_m": seam.ease} for seam in pattern.seams],
+    }
+    if "mfar" in extra or not extra or not _is_plain(pattern):
+        data["mfar"] = own
     return data
+
+
+def _is_plain(pattern: Pattern) -> bool:
+    """Whether the specification has a place for all that the pattern says: warp along y, no allowances, notches, ease."""
+    panels = pattern.panels.values()
+    return (all(np.array_equal(panel.warp, (0, 1)) and not any(e.allowance or e.notches for e in panel.edges) for panel in panels)
+            and all(seam.kind == "sewn" and not seam.ease for seam in pattern.seams))
 
 
 def read_garmentcode(path) -> Pattern:
@@ -119,7 +125,7 @@ class _Reader:
         try:
             array = np.array(value, dtype=float)
         except (TypeError, ValueError):
-            array = np.empty(0)
+            array = np.array([np.nan])  # is refused below
         if array.ndim != len(shape) or any(want >= 0 and want != n for want, n in zip(shape, array.shape, strict=True)) \
                 or not np.isfinite(array).all():
             wanted = ", ".join("n" if s < 0 else str(s) for s in shape)
@@ -134,14 +140,45 @@ class _Reader:
             raise self.error("properties.units_in_meter", f"must be a positive number (100 for cm), not {units!r}")
         if properties.get("curvature_coords", "relative") != "relative":
             raise self.error("properties.curvature_coords", f"must be 'relative', not {properties['curvature_coords']!r}")
-        details = self.data.get("mfar") or {}
-        panels = {name: self.panel(name, entry, units, details.get("panels", {}).get(name) or {})
+        details = self.details(self.data.get("mfar"))
+        panels = {name: self.panel(name, entry, units, details["panels"].get(name) or {})
                   for name, entry in self.get(body, "panels", "pattern", dict).items()}
         seams = tuple(self.seam(i, entry, panels, details.get("seams"))
                       for i, entry in enumerate(self.get(body, "stitches", "pattern", list)))
+        parameters = details.get("dimensions_m") or {}
         extra = {key: value for key, value in self.data.items() if key != "pattern"}
         extra["pattern"] = {key: value for key, value in body.items() if key not in ("panels", "stitches")}
-        return Pattern(details.get("garment") or Path(self.path).stem, panels, seams, details.get("dimensions_m", {}), extra)
+        return Pattern(details.get("garment") or Path(self.path).stem, panels, seams, parameters, extra)
+
+    def details(self, value: Any) -> dict[str, Any]:
+        """The block ``mfar``: its tables are tables, and what stands in them has the right form."""
+        block = {} if value is None else value
+        if not isinstance(block, dict):
+            raise self.error("mfar", f"must be an object, not {value!r:.60}")
+        for key, kind, name in (("panels", dict, "an object"), ("dimensions_m", dict, "an object"), ("seams", list, "a list"),
+                                ("garment", str, "a text")):
+            if block.get(key) is not None and not isinstance(block[key], kind):
+                raise self.error(f"mfar.{key}", f"must be {name}, not {block[key]!r:.60}")
+        panels = block.get("panels") or {}
+        for name, panel in panels.items():
+            where = f"mfar.panels.{name}"
+            if not isinstance(panel, dict):
+                raise self.error(where, f"must be an object, not {panel!r:.60}")
+            if panel.get("allowances_m") is not None:
+                self.numbers(panel["allowances_m"], (-1,), f"{where}.allowances_m")
+            notches = panel.get("notches")
+            if not (notches is None or isinstance(notches, list)):
+                raise self.error(f"{where}.notches", "must be a list with one list of places for each edge")
+            for i, places in enumerate(notches or []):
+                self.numbers(places, (-1,), f"{where}.notches[{i}]")
+        for i, seam in enumerate(block.get("seams") or []):
+            where = f"mfar.seams[{i}]"
+            if not isinstance(seam, dict):
+                raise self.error(where, f"must be an object with kind and ease_m, not {seam!r:.60}")
+            if not isinstance(seam.get("kind", ""), str):
+                raise self.error(f"{where}.kind", f"must be a text, not {seam['kind']!r}")
+            self.numbers(seam.get("ease_m", 0.0), (), f"{where}.ease_m")
+        return {**block, "panels": panels}
 
     def panel(self, name: str, entry: Any, units: float, details: Mapping[str, Any]) -> Panel:
         where = f"panel '{name}'"

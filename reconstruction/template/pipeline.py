@@ -18,7 +18,7 @@ from reconstruction.measure.pose import PoseFit, image_pose
 from reconstruction.measure.quantity import Measurement
 from reconstruction.measure.scale import image_scale
 from reconstruction.measure.skeleton import TORSO
-from reconstruction.measure.vote import WEIGHTS, Conflict, Vote, vote
+from reconstruction.measure.vote import DEFAULT_WEIGHTING, WEIGHTS, Conflict, Vote, vote
 from reconstruction.template.accessories import build_hat, build_ribbon
 from reconstruction.template.boundaries import Boundary, find_boundaries
 from reconstruction.template.checks import LOOM_WIDTH, Finding, check
@@ -74,7 +74,7 @@ class Template:
 
 
 def make_template(keypoints: KeypointsFile, garment: str | None = None, loom_width: float = LOOM_WIDTH,
-                  progress: Callable[[], Any] | None = None, weighting: str = "paper") -> Template:
+                  progress: Callable[[], Any] | None = None, weighting: str = DEFAULT_WEIGHTING) -> Template:
     """Make the cutting template of a garment from the keypoints of its images.
 
     Parameters
@@ -92,7 +92,8 @@ def make_template(keypoints: KeypointsFile, garment: str | None = None, loom_wid
     Raises
     ------
     InputError
-        Unknown type, nothing measured (an image with too few points is left out, with a warning among the findings),
+        Unknown type, nothing measured (an image with too few points or without a scale is left out, with a warning among the
+        findings),
         contradicting dimensions, or a pattern that does not pass its checks.
     """
     garment = garment_type(garment or keypoints.garment or DEFAULT_GARMENT)
@@ -117,6 +118,7 @@ def make_template(keypoints: KeypointsFile, garment: str | None = None, loom_wid
         assumed["neckline"] = "a quarter of an ellipse"
     pattern = build_pattern(garment, dimensions, loom_width)
     findings = check(pattern, loom_width)
+    findings += [Finding("warning", "keypoints", note) for note in keypoints.notes]
     findings += [Finding("warning", Path(path).name, f"left out: {reason}") for path, reason in left_out.items()]
     for name, (value, usual) in unusual(garment, {name: v.value for name, v in votes.items()}).items():
         text = f"is {100 * value:.0f} cm, of a {garment} usually about {100 * usual:.0f} cm: are type and scale right?"

@@ -69,7 +69,7 @@ def test_keypoints_in_the_output_become_measurements_votes_and_conflicts(folder,
     contents = {"format": "mfar keypoints", "version": 1, "garment": "round-collar-robe", "landmarks": list(LANDMARKS),
                 "images": images}  # fmt: skip
     (out / "keypoints.json").write_text(json.dumps(contents), encoding="utf-8")
-    call("fuse", folder, "--out", out, "--json")
+    call("fuse", folder, "--out", out, "--vote", "paper", "--json")
     stage = json.loads(capsys.readouterr().out)["stages"]["measurements"]
     shoulders = next(v for v in stage["votes"] if v["name"] == "shoulder_width")
     assert shoulders["value_m"] == pytest.approx((0.5 * 0.5 + 0.2 * 0.9) / 0.7, rel=1e-6)  # the paper's weights

@@ -97,6 +97,15 @@ def test_sixteen_bits_are_scaled_to_eight():
     assert "16 bits" in image.notes[0]
 
 
+def test_sixteen_bit_colours_of_a_tiff_are_noted(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    deep = np.random.default_rng(0).integers(0, 65536, (48, 64, 3), dtype=np.uint16)
+    cv2.imwrite(str(tmp_path / "a.tif"), deep)
+    image = images.load(tmp_path / "a.tif")
+    assert "16 bits a channel scaled to 8" in image.notes
+    assert np.abs(image.rgb - deep[..., ::-1] / 257.0).max() <= 1.01
+
+
 def test_floats_are_stretched_and_nan_is_refused():
     ramp = np.linspace(-1, 3, 64 * 48).reshape(48, 64).astype(np.float32)
     image = images.decode(saved(Image.fromarray(ramp), "TIFF"), "a.tif")

@@ -51,12 +51,12 @@ def rewrite(folder, old, new):
 def test_a_folder_is_read_with_everything_that_is_known(folder):
     found = sources.read(folder)
     a, b = found.sources
-    assert (a.name, a.kind, a.figure, a.height, a.date, a.line) == ("a.png", "mural", "female", 1.65, "8th c.", 2)
+    assert (a.name, a.kind, a.figure, a.stature, a.date, a.line) == ("a.png", "mural", "female", 1.65, "8th c.", 2)
     assert a.metres_per_pixel == pytest.approx(np.sqrt(0.002 * 0.00202)) and a.camera is None
-    assert b.metres_per_pixel == pytest.approx(1e-4) and b.height is None
+    assert b.metres_per_pixel == pytest.approx(1e-4) and b.stature is None and a.height is None
     assert np.array_equal(b.camera, np.diag([0.5, 0.5, 1]) @ np.eye(3, 4))
     ticks = []
-    found.load_each(ticks.append)
+    found.load_each(lambda source, image: ticks.append(source))
     assert ticks == [a, b]
     assert sources.read(folder / "sources.toml").sources[0].name == "a.png"
     assert a.facts()["licence"] == "CC0"
@@ -77,6 +77,10 @@ def test_a_folder_is_read_with_everything_that_is_known(folder):
         ("to = [30, 40]", "to = [0, 0]", 7, "two different points"),
         ("to = [30, 40]", "to = [30]", 7, "must be"),
         ("dpi = 254", "dpi = 0", 14, "positive"),
+        ("dpi = 254", "head = [1, 2]", 14, "needs 'foot' too"),
+        ("dpi = 254", "head = [1, 2]\nfoot = [1, 60]", 14, "need a figure"),
+        ("dpi = 254", 'figure = "male"\nhead = [1, 2]\nfoot = [1, 2]', 15, "same point"),
+        ("dpi = 254", "box = [10, 10, 5, 60]", 14, "left < right"),
         ("dpi = 254", "dots = 3", 14, "unknown key 'dots'"),
         ('camera = "P.txt"', 'camera = "Q.txt"', 15, "no camera file"),
         ('file = "b.png"', 'file = "c.png"', 11, "no file 'c.png'"),
@@ -169,8 +173,18 @@ def test_a_mask_is_listed_by_its_picture_and_must_have_its_size(folder):
     assert a.mask == folder / "m.png" and b.mask is None
     sources.read(folder).load_each()
     Image.fromarray(np.eye(40, dtype=np.uint8) * 255).save(folder / "m.png")
-    with pytest.raises(SourcesError, match=r"mask of 'a.png' has 40 x 40 px, its picture 80 x 64"):
+    with pytest.raises(SourcesError, match=r"line 2: the mask of .*m\.png: is a mask of 40 x 40 px; its picture has 80 x 64"):
         sources.read(folder).load_each()
+    (folder / "m.png").write_bytes(b"no picture")
+    with pytest.raises(SourcesError, match=r"line 2: the mask of 'a.png' .*cannot be read as an image"):
+        sources.read(folder).load_each()
+    transparent = np.zeros((64, 80, 4), np.uint8)
+    transparent[10:40, 20:50, 3] = 255  # cut out in a drawing program: black on nothing
+    Image.fromarray(transparent).save(folder / "m.png")
+    seen = {}
+    again = sources.read(folder)
+    again.load_each(lambda source, image: seen.update({source.name: again.mask(source, image.size)}))
+    assert seen["a.png"].sum() == 900 and seen["b.png"] is None
     rewrite(folder, 'mask = "m.png"', 'mask = "n.png"')
     with pytest.raises(DataFileError, match=r"no mask 'n\.png'"):
         sources.read(folder)
@@ -178,9 +192,24 @@ def test_a_mask_is_listed_by_its_picture_and_must_have_its_size(folder):
 
 def test_scale_as_a_file_of_keypoints_takes_it(folder):
     a, b = sources.read(folder).sources
-    assert b.scale_entry() == {"metres_per_pixel": pytest.approx(1e-4)}
+    assert b.scale_entry() == {"dpi": 254}
     several = a.scale_entry()
     assert several["metres_per_pixel"] == a.metres_per_pixel and several["relative_sigma"] == pytest.approx(np.log(1.01) / 2)
     rewrite(folder, ', { from = [0, 0], to = [50, 0], length = "101 mm" }]', "]")
     one = sources.read(folder).sources[0].scale_entry()
     assert one["length"] == 0.1 and np.array_equal(one["marks"], [[0, 0], [30, 40]])
+
+
+def test_crown_and_sole_own_height_and_box_are_handed_on(folder):
+    rewrite(folder, "dpi = 254", 'figure = "male"\nheight = "1.8 m"\nhead = [40, 3]\nfoot = [41, 60]\nbox = [10, 0, 70, 64]')
+    b = sources.read(folder).sources[1]
+    assert {key: list(value) for key, value in b.scale_entry().items()} == {"head": [40, 3], "foot": [41, 60]}
+    assert (b.height, b.stature, b.box) == (1.8, 1.8, (10, 0, 70, 64))
+    sources.read(folder).load_each()
+    rewrite(folder, "foot = [41, 60]", "foot = [41, 600]")
+    with pytest.raises(DataFileError, match=r"foot \(41, 600\) of 'b.png' lies outside"):
+        sources.read(folder).load_each()
+    rewrite(folder, "foot = [41, 600]", "foot = [41, 60]")
+    rewrite(folder, "box = [10, 0, 70, 64]", "box = [100, 0, 170, 64]")
+    with pytest.raises(DataFileError, match=r"box .* of 'b.png' lies outside"):
+        sources.read(folder).load_each()

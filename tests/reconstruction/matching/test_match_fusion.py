@@ -153,6 +153,18 @@ def test_later_stages_get_the_fusion_and_what_came_before(folder, tmp_path, quic
     assert json.loads((tmp_path / "fusion.json").read_text(encoding="utf-8"))["stages"] == result.stages
 
 
+def test_a_stage_that_fails_leaves_the_matches_written(folder, tmp_path, quick):
+    def fails(fused):
+        raise InputError("no scale")
+
+    (tmp_path / "pairs").mkdir()
+    (tmp_path / "pairs" / "mine.png").write_bytes(b"not of this program")
+    with pytest.raises(InputError, match="no scale"):
+        fusion.fuse(folder, tmp_path, stages={"measure": fails})
+    assert len(json.loads((tmp_path / "fusion.json").read_text(encoding="utf-8"))["pairs"]) == 3
+    assert (tmp_path / "pairs" / "mine.png").exists()
+
+
 def test_large_pictures_are_matched_at_a_smaller_size(folder, tmp_path, quick):
     result = fusion.fuse(folder, tmp_path, longest=100)
     assert [p.reduction for p in result.pictures] == [0.5] * 3 and result.pictures[0].size == SIZE

@@ -28,6 +28,9 @@ def test_table_by_kinds(graph):
     rows = {row["kinds"]: row for row in graph.by_kinds()}
     assert set(rows) == {"mural - mural", "mural - textile", "mural - figurine"}  # pairs that were not tried have no row
     assert (rows["mural - mural"]["matched"], rows["mural - mural"]["share_matched"]) == (1, 1.0)
+    assert rows["mural - mural"]["inliers"] == graph.results[0].inliers > 50
+    assert rows["mural - mural"]["median_sampson_cameras_px"] == graph.results[0].sampson_cameras < 1
+    assert rows["mural - figurine"]["inliers"] == 0 and np.isnan(rows["mural - figurine"]["median_sampson_px"])
     mixed = rows["mural - textile"]
     assert (mixed["pairs"], mixed["matched"], mixed["degenerate"], mixed["failed"]) == (2, 0, 1, 1)
     assert 0.4 < mixed["median_rate"] < 0.55  # a pair without matches counts as 0

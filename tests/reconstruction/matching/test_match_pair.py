@@ -126,6 +126,8 @@ def test_buddha_neighbours_agree_with_the_cameras_and_a_wide_baseline_is_not_tak
     # 65 degrees apart nothing helps, and it is said
     wide = match_pair(*found[2:], SETTINGS, cameras=(cams[2], cams[3]))
     assert wide.status.startswith("failed") and wide.right_putative < 0.2
+    assert "a wide baseline, the cameras look 65 degrees apart" in wide.reason and "wide" not in near.reason
+    assert wide.row()["angle_deg"] == pytest.approx(65, abs=1)
 
 
 @needs["alicevision_buddha"]

@@ -6,7 +6,7 @@ import pytest
 from mfar_fem.errors import InputError
 from reconstruction.keypoints_file import ImageKeypoints
 from reconstruction.landmarks import INDEX
-from reconstruction.measure.garment import measure_image
+from reconstruction.measure.garment import measure_image, measure_images
 from reconstruction.measure.scale import PROPORTION_SPREAD, STATURE_SPREAD, from_marks, image_scale
 from reconstruction.measure.skeleton import Skeleton
 from reconstruction.measure.spread import model_spread
@@ -36,6 +36,22 @@ def test_stature_of_the_unified_system(sex, stature):
     scale = image_scale(figure(figure=sex, scale={"head": np.array([0.0, 10.0]), "foot": np.array([0.0, 510.0])}))
     assert scale.metres_per_pixel == pytest.approx(stature / 500)
     assert scale.relative_sigma == pytest.approx(STATURE_SPREAD, rel=0.01)
+
+
+def test_a_height_that_is_known_sets_the_scale_better():
+    marked = {"head": np.array([0.0, 10.0]), "foot": np.array([0.0, 510.0])}
+    scale = image_scale(figure(figure="male", height=1.80, scale=marked))
+    assert scale.metres_per_pixel == pytest.approx(1.80 / 500) and scale.relative_sigma < STATURE_SPREAD / 3
+    tall, usual = (image_scale(figure(figure="female", height=h)).metres_per_pixel for h in (1.70, None))
+    assert tall / usual == pytest.approx(1.70 / 1.65)
+
+
+def test_of_several_pictures_one_without_a_scale_is_left_out():
+    left_out = {}
+    silk = ImageKeypoints.of("silk.png", "textile", figure().points)
+    lengths = measure_images([figure(figure="female"), silk], left_out=left_out)
+    assert {m.source for m in lengths} == {"figure.png"}
+    assert left_out.keys() == {"silk.png"} and "sources.toml" in left_out["silk.png"]
 
 
 def test_proportions_of_a_cropped_figure():

@@ -2,10 +2,13 @@
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mfar_fem.errors import DataFileError
 from reconstruction.template.checks import check
@@ -81,6 +84,33 @@ def test_our_own_patterns_come_back_whole(garment, tmp_path):
     assert_same(specification(pattern), specification(again))
 
 
+@given(st.recursive(st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(max_size=3),
+                    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(
+                        st.sampled_from(["panels", "seams", "garment", "dimensions_m", "a", "b", "warp", "notches", "allowances_m",
+                                         "kind", "ease_m"]), inner, max_size=4), max_leaves=12))
+def test_any_block_of_our_own_is_read_or_refused_by_name(tmp_path_factory, block):
+    path = tmp_path_factory.mktemp("fuzz") / "p.json"
+    path.write_text(json.dumps(good() | {"mfar": block}))
+    try:
+        assert read_garmentcode(path).panels.keys() == {"a", "b"}
+    except DataFileError as error:
+        assert "p.json" in str(error)
+
+
+def test_what_was_changed_after_reading_is_what_is_written(tmp_path):
+    write_garmentcode(tmp_path / "p.json", build_pattern("half-sleeve", derive("half-sleeve", {})[0]))
+    read = read_garmentcode(tmp_path / "p.json")
+    name = next(iter(read.panels))
+    turned = replace(read, panels=read.panels | {name: replace(read.panels[name], warp=np.array([1.0, 0.0]))})
+    write_garmentcode(tmp_path / "q.json", turned)
+    np.testing.assert_allclose(read_garmentcode(tmp_path / "q.json").panels[name].warp, [1, 0])
+    (tmp_path / "foreign.json").write_text(json.dumps(good()))
+    foreign = read_garmentcode(tmp_path / "foreign.json")
+    assert "mfar" not in specification(foreign)
+    turned = replace(foreign, panels=foreign.panels | {"a": replace(foreign.panels["a"], warp=np.array([1.0, 0.0]))})
+    assert specification(turned)["mfar"]["panels"]["a"]["warp"] == [1, 0]
+
+
 def good():
     edges = [{"endpoints": [0, 1]}, {"endpoints": [1, 2], "curvature": {"type": "quadratic", "params": [[0.5, 0.1]]}},
              {"endpoints": [2, 0], "curvature": [0.5, 0.1]}]
@@ -114,6 +144,15 @@ def test_the_older_form_of_a_curve_is_quadratic(tmp_path):
         (lambda d: d["pattern"]["stitches"][0][1].update(edge=9), "stitch 0.*0..2"),
         (lambda d: d["pattern"]["stitches"].append([]), "stitch 1"),
         (lambda d: d["pattern"]["panels"]["a"].update(rotation=[0, "x", 0]), "rotation"),
+        (lambda d: d.update(mfar=[]), "mfar.*must be an object"),
+        (lambda d: d.update(mfar={"panels": []}), r"mfar\.panels"),
+        (lambda d: d.update(mfar={"panels": {"a": 3}}), r"mfar\.panels\.a"),
+        (lambda d: d.update(mfar={"panels": {"a": {"warp": "up"}}}), "panel 'a', warp"),
+        (lambda d: d.update(mfar={"panels": {"a": {"allowances_m": ["x", "y", "z"]}}}), "allowances_m"),
+        (lambda d: d.update(mfar={"panels": {"a": {"notches": [1, 2, 3]}}}), r"notches\[0\]"),
+        (lambda d: d.update(mfar={"seams": [3]}), r"mfar\.seams\[0\]"),
+        (lambda d: d.update(mfar={"seams": [{"kind": "sewn", "ease_m": "much"}]}), "ease_m"),
+        (lambda d: d.update(mfar={"garment": 5}), r"mfar\.garment"),
     ],
 )
 def test_wrong_files_are_refused_with_file_panel_and_edge(tmp_path, change, words):
