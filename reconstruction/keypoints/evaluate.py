@@ -13,6 +13,8 @@ from reconstruction.keypoints.data import Sample
 from reconstruction.landmarks import INDEX, LANDMARKS
 
 THRESHOLDS = (0.05, 0.1, 0.2)
+WITHIN = 8.0
+"""Distance that confidences are about, pixels of the 256 × 192 input (a 32nd of its height)."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +126,8 @@ def summary(
     Returns
     -------
     dict
-        ``n`` (distances a run), ``rmse_px``, ``rmse_input_px``, ``median_px``, ``median_input_px``, ``pck@…``, and each but the
-        medians with ``…_low`` and ``…_high``.
+        ``n`` (distances a run), ``within`` (share within :data:`WITHIN`), ``rmse_px``, ``rmse_input_px``, ``median_px``,
+        ``median_input_px``, ``pck@…``, and each but ``n``, ``within`` and the medians with ``…_low`` and ``…_high``.
     """
     names = np.unique(np.concatenate([r.identity for r in runs]))
     shape = (len(runs), len(names))
@@ -146,6 +148,7 @@ def summary(
     result: dict[str, float] = {"n": int(count[0].sum())}
     for name, parts in (("median_px", all_pixels), ("median_input_px", all_input)):
         result[name] = float(np.median(np.concatenate(parts))) if pixels.size else float("nan")
+    result["within"] = float(np.mean(np.concatenate(all_input) <= WITHIN)) if pixels.size else float("nan")
     result |= {k: float(v) for k, v in overall.items()}
     if replicates and pixels.size:
         rng = np.random.default_rng(seed)
@@ -163,7 +166,7 @@ def _where(field: str, value: object) -> Callable[[Errors], np.ndarray]:
     return lambda e: np.broadcast_to((getattr(e, field) == value)[:, None], e.pixels.shape)
 
 
-def _seen_in(split: str) -> Callable[[Errors], np.ndarray]:
+def seen_in(split: str) -> Callable[[Errors], np.ndarray]:
     """Mask of the visible points of a split."""
     return lambda e: e.visible & (e.split == split)[:, None]
 
@@ -183,14 +186,24 @@ def table(runs: Sequence[Errors], replicates: int = 1000, seed: int = 0) -> list
     ]
     groups += [("style", str(v), _where("style", v)) for v in np.unique(np.concatenate([r.style for r in runs]))]
     for v in np.unique(np.concatenate([r.split for r in runs])):
-        groups += [("split", str(v), _where("split", v)), ("split", f"{v}, visible", _seen_in(v))]
+        groups += [("split", str(v), _where("split", v)), ("split", f"{v}, visible", seen_in(v))]
     groups += [("damage", str(v), _where("damage", v)) for v in np.unique(np.concatenate([r.damage for r in runs]))]
     groups += [("point", name, _point(k)) for k, name in enumerate(LANDMARKS)]
     return [{"group": g, "value": v, **summary(runs, mask, replicates=replicates, seed=seed)} for g, v, mask in groups]
 
 
-def paired_difference(a: Sequence[Errors], b: Sequence[Errors], replicates: int = 2000, seed: int = 0) -> dict[str, float]:
+def paired_difference(a: Sequence[Errors], b: Sequence[Errors], mask: Callable[[Errors], np.ndarray] | None = None, *,
+                      replicates: int = 2000, seed: int = 0) -> dict[str, float]:
     """RMSE (input pixels) of `a` minus that of `b` on the same images, with a paired bootstrap over identities and runs.
+
+    Parameters
+    ----------
+    a, b : sequence of Errors
+        Runs over the same images.
+    mask : callable, optional
+        As of :func:`summary`.
+    replicates, seed : int
+        Of the bootstrap.
 
     Returns
     -------
@@ -203,7 +216,7 @@ def paired_difference(a: Sequence[Errors], b: Sequence[Errors], replicates: int 
     squares, count = np.zeros((2, len(a), len(names))), np.zeros((len(a), len(names)))
     for side, runs in enumerate((a, b)):
         for i, run in enumerate(runs):
-            use = np.isfinite(run.pixels)
+            use = np.isfinite(run.pixels) & (mask(run) if mask is not None else True)
             who = np.broadcast_to(np.searchsorted(names, run.identity)[:, None], use.shape)[use]
             squares[side, i] = np.bincount(who, run.input_pixels[use] ** 2, len(names))
             count[i] = np.bincount(who, minlength=len(names))

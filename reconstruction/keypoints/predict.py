@@ -13,6 +13,7 @@ from mfar_fem.errors import DataFileError, InputError, ParameterError
 from reconstruction.keypoints.calibration import Isotonic, Logistic, choose, fit_logistic
 from reconstruction.keypoints.crops import apply, crop_matrix, image_box, invert, normalise, read_image, warp
 from reconstruction.keypoints.data import Sample
+from reconstruction.keypoints.evaluate import WITHIN
 from reconstruction.keypoints.heatmaps import Peak, decode, peaks, to_input
 from reconstruction.keypoints.hrnet import Architecture, HRNet, channels_last
 from reconstruction.landmarks import LANDMARKS, MIRROR
@@ -20,8 +21,6 @@ from reconstruction.torch_library import torch
 
 FORMAT = "mfar-keypoints-1"
 SHIPPED = Path(__file__).parent / "weights" / "small.pt"
-WITHIN = 8.0
-"""Default distance of the confidence, pixels of the 256 × 192 input (a 32nd of its height)."""
 
 
 @dataclass(frozen=True)

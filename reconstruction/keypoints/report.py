@@ -12,9 +12,9 @@ import numpy as np
 from reconstruction.keypoints.calibration import reliability
 from reconstruction.keypoints.crops import read_image
 from reconstruction.keypoints.data import Sample
-from reconstruction.keypoints.evaluate import errors, table
+from reconstruction.keypoints.evaluate import WITHIN, errors, table
 from reconstruction.keypoints.plots import save_heatmaps, save_predictions, save_reliability
-from reconstruction.keypoints.predict import WITHIN, Detector, outcomes
+from reconstruction.keypoints.predict import Detector, outcomes
 from reconstruction.keypoints.train import BEST
 
 DETECTOR = "detector.pt"

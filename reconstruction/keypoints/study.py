@@ -20,7 +20,7 @@ from reconstruction.keypoints import baselines
 from reconstruction.keypoints.blazepose import COUNTERPARTS, BlazePose, debiased
 from reconstruction.keypoints.crops import apply, image_box, read_image
 from reconstruction.keypoints.data import Sample
-from reconstruction.keypoints.evaluate import Errors, errors, paired_difference, summary, table
+from reconstruction.keypoints.evaluate import Errors, errors, paired_difference, seen_in, summary, table
 from reconstruction.keypoints.knowledge import Knowledge
 from reconstruction.keypoints.knowledge_file import load
 from reconstruction.keypoints.loss import GraphLoss, LiteralLoss
@@ -106,14 +106,15 @@ def run(
     Returns
     -------
     dict
-        ``rows`` (one a method), ``differences`` (paired, first arm minus the other), ``groups`` (of the first arm),
-        ``constraints`` (see :func:`constraint_rates`).
+        ``rows`` (one a method; all test pictures and points), ``differences`` (paired, first arm minus the other), ``in_sight``
+        and ``differences_in_sight`` (the same of visible points of the split "test", without held-out types), ``groups`` (of the
+        first arm), ``constraints`` (see :func:`constraint_rates`).
     """
     settings, out = settings or TrainSettings(), Path(out)
     out.mkdir(parents=True, exist_ok=True)
     training, validation, test = split(samples)
     found: dict[str, list[Errors]] = {arm: [] for arm in arms}
-    others = _baselines(training, test, mask_boxes)
+    others = baselines_of(training, test, mask_boxes)
     fixed = {"constraints": constraint_rates(training, knowledge), "settings": settings.to_dict(),
              "images": {"train": len(training), "validation": len(validation), "test": len(test)}}
     result: dict[str, Any] = {}
@@ -138,11 +139,19 @@ def _judge(found: dict[str, list[Errors]], others: dict[str, Errors], replicates
     rows = [{"method": f"network, {arm}", "kind": "network", **summary(runs, replicates=replicates)} for arm, runs in found.items()]
     rows += [{"method": name, "kind": "baseline", **summary([e], replicates=replicates)} for name, e in others.items()]
     first, *rest = found
-    differences = {arm: paired_difference(found[first], found[arm]) for arm in rest}
-    return {"rows": rows, "differences": differences, "groups": table(found[first], replicates)}
+    seen = seen_in("test")
+    in_sight = [{"method": f"network, {arm}", "kind": "network", **summary(runs, seen, replicates=replicates)}
+                for arm, runs in found.items()]
+    in_sight += [{"method": name, "kind": "baseline", **summary([e], seen, replicates=replicates)} for name, e in others.items()]
+    return {
+        "rows": rows, "differences": {arm: paired_difference(found[first], found[arm]) for arm in rest},
+        "in_sight": in_sight, "differences_in_sight": {arm: paired_difference(found[first], found[arm], seen) for arm in rest},
+        "groups": table(found[first], replicates),
+    }
 
 
-def _baselines(training, test, mask_boxes) -> dict[str, Errors]:
+def baselines_of(training: Sequence[Sample], test: Sequence[Sample], mask_boxes=None) -> dict[str, Errors]:
+    """Errors of methods that do not look: mean pose, mean shape in a box, mean shape at the true place, size and turn."""
     def boxes(samples):
         if mask_boxes is not None:
             return mask_boxes(samples)
@@ -155,8 +164,8 @@ def _baselines(training, test, mask_boxes) -> dict[str, Errors]:
     }
 
 
-def _outside(training, test, path, ours: Sequence[Errors], replicates: int) -> list[dict[str, Any]]:
-    """BlazePose and our network on the points that both have, on pictures of figures."""
+def outside(training: Sequence[Sample], test: Sequence[Sample], path: str | Path) -> tuple[dict[str, Errors], Callable]:
+    """Errors of BlazePose by name of the method, and the mask of the points that it shares with ours, on pictures of figures."""
     network = BlazePose(path)
     predicted = network.predict(test)
     figures = [s for s in training if s.style != "textile"]
@@ -166,12 +175,14 @@ def _outside(training, test, path, ours: Sequence[Errors], replicates: int) -> l
     def mask(e: Errors) -> np.ndarray:
         return shared & (e.style != "textile")[:, None]  # a garment laid flat has no person in it
 
-    rows: list[dict[str, Any]] = [
-        {"method": "network, same points, figures only", "kind": "network", **summary(ours, mask, replicates=replicates)}
-    ]
-    for name, points in (("BlazePose, same points, figures only", predicted), ("BlazePose, mean offsets removed", corrected)):
-        rows.append({"method": name, "kind": "outside", **summary([errors(points, test)], mask, replicates=replicates)})
-    return rows
+    named = {"BlazePose, same points, figures only": predicted, "BlazePose, mean offsets removed": corrected}
+    return {name: errors(points, test) for name, points in named.items()}, mask
+
+
+def _outside(training, test, path, ours: Sequence[Errors], replicates: int) -> list[dict[str, Any]]:
+    theirs, mask = outside(training, test, path)
+    rows = [{"method": "network, same points, figures only", "kind": "network", **summary(ours, mask, replicates=replicates)}]
+    return rows + [{"method": name, "kind": "outside", **summary([e], mask, replicates=replicates)} for name, e in theirs.items()]
 
 
 def _write(result: dict[str, Any], out: Path) -> None:

@@ -22,7 +22,7 @@ from reconstruction.keypoints import hrnet  # noqa: E402
 from reconstruction.keypoints.samples_file import write_index  # noqa: E402
 from reconstruction.keypoints.study import constraint_rates, split  # noqa: E402
 from reconstruction.keypoints_file import read_keypoints  # noqa: E402
-from reconstruction.landmarks import INDEX  # noqa: E402
+from reconstruction.landmarks import INDEX, PARTS  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def folder(tmp_path_factory):
 def run():
     app = typer.Typer()
     for name, command in (("keypoints", cli_keypoints.keypoints), ("train", cli_keypoints.train_keypoints),
-                          ("study", cli_keypoints.study_keypoints)):
+                          ("study", cli_keypoints.study_keypoints), ("detector", cli_keypoints.study_detector)):
         app.command(name)(command)
 
     def call(*args):
@@ -86,6 +86,25 @@ def test_study(folder, run, tmp_path):
     again = json.loads(run(*args))
     assert again["rows"] == payload["rows"]
     assert (tmp_path / "graph-seed0" / "best.pt").stat().st_mtime_ns == before
+
+
+def test_a_detector_is_scored_beside_what_does_not_look(folder, run, tmp_path):
+    where, samples = folder
+    options = ("--arch", "tiny", "--epochs", 1, "--batch", 6, "--threads", 1)
+    run("train", "--data", where, "--out", tmp_path / "run", *options, "--json")
+    weights = tmp_path / "run" / "detector.pt"
+    payload = json.loads(run("detector", "--data", where, "--weights", weights, "--out", tmp_path / "out", "--json"))
+    rows = {(r["method"], r["group"]): r for r in payload["rows"]}
+    seen = rows["detector", "in sight"]
+    parts = [rows["detector", f"in sight, {part}"]["n"] for part in PARTS]
+    assert seen["n"] == sum(parts) == sum(s.visible.sum() for s in samples if s.split == "test")
+    apart = seen["rmse_input_px"] - rows["mean pose", "in sight"]["rmse_input_px"]
+    assert payload["differences"]["mean pose"]["difference"] == pytest.approx(apart)
+    assert payload["trained"]["trained_by"] == "mfar train keypoints"
+    with (tmp_path / "out" / "detector.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == len(payload["rows"])
+    shown = run("detector", "--data", where, "--weights", weights, "--out", tmp_path / "out")
+    assert "detector minus mean pose" in shown
 
 
 def test_the_truth_obeys_the_graph_but_not_the_literal_formula(folder):

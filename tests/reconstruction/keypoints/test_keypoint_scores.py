@@ -45,7 +45,7 @@ def test_a_constant_offset_gives_its_length_everywhere():
     assert s["rmse_px"] == pytest.approx(5.0) and s["median_px"] == pytest.approx(5.0)
     assert s["rmse_px_low"] == pytest.approx(5.0) and s["rmse_px_high"] == pytest.approx(5.0)
     assert (s["rmse_input_px"], s["median_input_px"]) == pytest.approx((5.0 * 256 / 192,) * 2)
-    assert s["n"] == 120
+    assert s["n"] == 120 and s["within"] == 1.0
     t = torso(samples[0])
     assert s["pck@0.05"] == pytest.approx(np.mean([5 / torso(x) <= 0.05 for x in samples])) and t > 0
 
@@ -198,3 +198,16 @@ def test_expected_calibration_error_by_hand():
     assert r.count.tolist() == [2, 2]
     with pytest.raises(ParameterError, match="outside"):
         reliability([1.5], [1])
+
+
+def test_a_paired_difference_looks_only_where_it_is_told():
+    samples = figures(10)
+    mural = np.array([s.style == "mural" for s in samples])[:, None, None]
+    a, b = (errors(truth(samples) + np.where(mural, far, near), samples) for near, far in ((3.0, 30.0), (4.0, 3.0)))
+
+    def figurines(e):
+        return np.broadcast_to((e.style == "figurine")[:, None], e.pixels.shape)
+
+    scale = 256 / 192 * np.sqrt(2)
+    assert paired_difference([a], [b], figurines)["difference"] == pytest.approx(-scale)
+    assert paired_difference([a], [b])["difference"] > 10

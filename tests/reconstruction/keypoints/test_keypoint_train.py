@@ -16,7 +16,7 @@ import stick_figures  # noqa: E402
 from mfar_fem.errors import DataFileError, InputError, ParameterError  # noqa: E402
 from reconstruction.keypoints import baselines, predict  # noqa: E402
 from reconstruction.keypoints.crops import Augmentation, read_image  # noqa: E402
-from reconstruction.keypoints.evaluate import errors, summary  # noqa: E402
+from reconstruction.keypoints.evaluate import WITHIN, errors, summary  # noqa: E402
 from reconstruction.keypoints.heatmaps import encode, to_map  # noqa: E402
 from reconstruction.keypoints.hrnet import Architecture, build  # noqa: E402
 from reconstruction.keypoints.predict import Calibration, Detector, outcomes  # noqa: E402
@@ -145,14 +145,14 @@ def test_the_report_calibrates_and_draws(trained):
         assert (folder / "run" / name).stat().st_size > 100
     detector = Detector.load(folder / "run" / "detector.pt")
     p = detector.predict_samples(test)
-    assert p.within == predict.WITHIN
-    score, near, present = outcomes(test, p, predict.WITHIN)
+    assert p.within == WITHIN
+    score, near, present = outcomes(test, p, WITHIN)
     assert ((0 < p.confidence) & (p.confidence < 1)).all()
     assert abs(p.confidence[present].mean() - near[present].mean()) < 0.15
     assert score.shape == near.shape == (16, 12)
     # a point whose confidence is that of a Gaussian: the standard deviation says so
     sigma = p.deviations() * p.scale[:, None]
-    assert 1 - np.exp(-0.5 * (predict.WITHIN / sigma) ** 2) == pytest.approx(p.confidence, rel=1e-6)
+    assert 1 - np.exp(-0.5 * (WITHIN / sigma) ** 2) == pytest.approx(p.confidence, rel=1e-6)
 
 
 class Painter(torch.nn.Module):
