@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mfar_fem.errors import InputError
-from reconstruction.keypoints_file import KeypointsFile, read_keypoints
+from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, read_keypoints
+from reconstruction.measure.silhouette import read_mask
 from reconstruction.measure.vote import WEIGHTINGS
 from reconstruction.template.pipeline import make_template
 
@@ -24,11 +26,15 @@ TRUTH: dict[str, dict[str, tuple[str, float]]] = {
     "veil-hat": {"brim_diameter": ("brim_radius", 2.0), "crown_height": ("crown_height", 1.0), "veil_length": ("veil_length", 1.0)},
 }
 """Dimension of the template to the parameter of the cut and its factor."""
+ROUGH = 2.0
+"""Standard deviation of an outline drawn by hand, px (assumption), over stretches of :data:`STRETCH`; of scale marks half of it."""
+STRETCH = 12.0
+"""Length over which a hand stays on one side of the true outline, px (assumption)."""
 SOURCES = {"all": None, "textile": ("textile",), "figures": ("figurine", "mural")}
 """Kinds of pictures that a template is made from."""
 
 
-def compare(folder: Path, detected: Path, garment: str) -> list[dict[str, Any]]:
+def compare(folder: Path, detected: Path, garment: str, rough: Path | None = None) -> list[dict[str, Any]]:
     """Errors of the templates of one case.
 
     Parameters
@@ -39,25 +45,64 @@ def compare(folder: Path, detected: Path, garment: str) -> list[dict[str, Any]]:
         The keypoints file that a detector made of its pictures.
     garment : str
         Type.
+    rough : Path, optional
+        Folder for masks drawn roughly (:func:`roughened`): what comes of them is compared too.
 
     Returns
     -------
     list of dict
-        ``garment``, ``points`` (detected or true), ``sources``, ``vote``, ``dimension``, ``true_m``, ``found_m``,
-        ``error`` (relative), ``assumed`` (whether no picture showed it); ``found_m`` is None, with ``why``, where
+        ``garment``, ``points`` (detected; detected, rough masks; true), ``sources``, ``vote``, ``dimension``, ``true_m``,
+        ``found_m``, ``error`` (relative), ``assumed`` (whether no picture showed it); ``found_m`` is None, with ``why``, where
         no template came about.
     """
     cut = json.loads((folder / "truth" / "truth.json").read_text(encoding="utf-8"))["cut"]
     truth = {name: factor * cut[key] for name, (key, factor) in TRUTH.get(garment, TRUTH["tunic"]).items() if cut.get(key)}
     rows: list[dict[str, Any]] = []
-    for points, path in (("detected", detected), ("true", folder / "truth" / "keypoints.json")):
-        images = read_keypoints(path).images
+    found = read_keypoints(detected).images
+    given = {"detected": found, "true": read_keypoints(folder / "truth" / "keypoints.json").images}
+    if rough is not None:
+        given["detected, rough masks"] = roughened(found, rough)
+    for points, images in given.items():
         for sources, kinds in SOURCES.items():
             chosen = tuple(i for i in images if kinds is None or i.kind in kinds)
             for vote in WEIGHTINGS if kinds is None else WEIGHTINGS[:1]:
                 known = {"garment": garment, "points": points, "sources": sources, "vote": vote}
                 rows += [known | row for row in _errors(chosen, garment, vote, truth)]
     return rows
+
+
+def roughened(images: Sequence[ImageKeypoints], folder: Path, sigma: float = ROUGH, seed: int = 0) -> tuple[ImageKeypoints, ...]:
+    """Images with outlines and scale marks as a hand would draw them: moved by smooth noise.
+
+    Parameters
+    ----------
+    images : sequence of ImageKeypoints
+    folder : Path
+        For the masks.
+    sigma : float
+        Standard deviation of the outline, px; of the marks half of it.
+    seed : int
+    """
+    from PIL import Image
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+    folder.mkdir(parents=True, exist_ok=True)
+    made = []
+    for number, image in enumerate(images):
+        rng = np.random.default_rng([seed, number])
+        changes: dict[str, Any] = {}
+        if image.mask is not None:
+            mask = read_mask(image.mask, image.size)
+            noise = gaussian_filter(rng.standard_normal(mask.shape), STRETCH)
+            inside = np.where(mask, distance_transform_edt(mask) - 0.5, 0.5 - distance_transform_edt(~mask))
+            path = folder / f"{number:03d}.png"
+            Image.fromarray((inside + noise * (sigma / noise.std()) > 0).astype(np.uint8) * 255).save(path)
+            changes["mask"] = path
+        if image.scale is not None and "marks" in image.scale:
+            marks = np.asarray(image.scale["marks"]) + rng.normal(0, sigma / 2, (2, 2))
+            changes["scale"] = {**image.scale, "marks": marks, "sigma": max(1.0, sigma / 2)}
+        made.append(replace(image, **changes))
+    return tuple(made)
 
 
 def _errors(images, garment: str, vote: str, truth: dict[str, float]) -> list[dict[str, Any]]:
@@ -93,7 +138,7 @@ def study(out: Path, garments: Sequence[str], seeds: int, weights: str = "shippe
             points = out / "keypoints" / folder.name
             if not (points / FILE).exists():
                 locate([folder], points, weights, garment=garment)
-            rows += [{"seed": seed} | row for row in compare(folder, points / FILE, garment)]
+            rows += [{"seed": seed} | row for row in compare(folder, points / FILE, garment, out / "rough" / folder.name)]
             if progress is not None:
                 progress()
     return {"rows": rows, "summary": summary(rows)}

@@ -101,7 +101,7 @@ def test_conflicting_sources_are_voted_by_weight_and_listed(tmp_path):
     images = (draw(tmp_path, "t", "textile", g, 250), draw(tmp_path, "m1", "mural", longer, 250, figure="male"),
               draw(tmp_path, "m2", "mural", longer, 250, figure="male", arm_angle=0.5),
               draw(tmp_path, "f", "figurine", g, 250, figure="male"))
-    template = make_template(KeypointsFile(images, "round-collar-robe"))
+    template = make_template(KeypointsFile(images, "round-collar-robe"), weighting="paper")
     vote = template.votes["garment_length"]
     assert vote.value == pytest.approx(0.5 * 1.38 + 0.3 * 1.38 + 0.2 * 2.2, rel=0.01)
     assert template.dimensions.length == vote.value
