@@ -52,7 +52,7 @@ class Entry:
     known: Mapping[str, Any] = field(default_factory=dict)
 
 
-def entries_of(paths: Sequence[Path], kind: str = "mural", figure: str | None = None,
+def entries_of(paths: Sequence[Path], kind: str = "mural", figure: str | None = None, garment: str | None = None,
                progress: Callable[..., None] | None = None) -> list[Entry]:
     """The pictures of a list of files, or of one folder with a ``sources.toml``.
 
@@ -61,6 +61,8 @@ def entries_of(paths: Sequence[Path], kind: str = "mural", figure: str | None = 
     paths : sequence of Path
     kind, figure : str
         Of pictures without ``sources.toml``.
+    garment : str, optional
+        Type: how pictures of it are framed.
     progress : callable, optional
         ``progress(total=n)`` when their number is known, ``progress(1)`` after each.
 
@@ -76,7 +78,7 @@ def entries_of(paths: Sequence[Path], kind: str = "mural", figure: str | None = 
 
         def use(source: Source, image: LoadedImage) -> None:
             mask = found.mask(source, image.size)
-            box = frame(source.kind, image.size, None if mask is None else mask_box(mask), source.box)
+            box = frame(source.kind, image.size, None if mask is None else mask_box(mask), source.box, garment)
             known = {"figure": None if source.figure == "none" else source.figure, "height": source.height, "mask": source.mask,
                      "scale": source.scale_entry()}
             entries.append(Entry(source.path, source.kind, image, box, known))
@@ -137,7 +139,7 @@ def locate(
     from reconstruction.keypoints.predict import Detector
 
     garment = None if garment is None else garment_type(garment)
-    entries = entries_of(paths, kind, figure, progress)
+    entries = entries_of(paths, kind, figure, garment, progress)
     detector = Detector.load(weights)
     detector.flip = flip
     folder = check_writable(folder)
