@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from mfar_fem.errors import InputError, MfarError
+from mfar_fem.files import replace_bytes
 from reconstruction.images import grey, load
 from reconstruction.libraries import opencv
 from reconstruction.matching.features import Features, detect
@@ -217,7 +218,7 @@ def study(folder: Path, name: str, out: Path, most: int = 0, progress: Callable[
         except MfarError as error:
             rows.append({"held_out": views[k].name, "matches": count[k], "why": str(error)})
             continue  # a failure is tried again
-        kept.write_text(json.dumps(rows[-1], indent=1), encoding="utf-8")
+        replace_bytes(kept, json.dumps(rows[-1], indent=1).encode())
     good = [r for r in rows if "median_px" in r]
     keys = ("median_px", "q75_px", "within_2px", "on_mesh", "plane_median_px")
     summary = {key: float(np.median([r[key] for r in good])) for key in keys} if good else {}

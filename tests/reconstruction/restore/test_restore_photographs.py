@@ -80,3 +80,15 @@ def test_rows_of_a_killed_run_are_kept(tmp_path, monkeypatch):
     assert len(made) == first["held_out"] == 2 and first["summary"]["median_px"] < 0.05
     (tmp_path / "balls-without-ball 0.json").unlink()
     assert photographs.study(tmp_path, "balls", tmp_path, 2)["rows"] == first["rows"] and len(made) == 3
+
+
+def test_the_table_says_how_a_surface_was_made():
+    from rich.console import Console
+
+    from reconstruction.cli_restore import _show_photographs
+
+    row = {"held_out": "a", "matches": 3, "median_px": 0.5, "surface": "trimmed only (ragged)", "why": ""}
+    console = Console(width=200)
+    with console.capture() as text:
+        console.print(_show_photographs({"set": "s", "rows": [row], "matched_pairs": 1, "views": 2, "out": "out"})[0])
+    assert "surface" in text.get() and "trimmed only (ragged)" in text.get()

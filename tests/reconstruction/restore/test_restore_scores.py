@@ -1,6 +1,7 @@
 """Scores and report of a study whose cases are pleated tubes."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -8,9 +9,18 @@ import pytest
 pytest.importorskip("igl")
 pytest.importorskip("embreex")
 
+from mfar_fem.cli.main import main
 from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
 from reconstruction.restore.scores import scores
-from reconstruction.restore.study_report import feature_estimates, fold_estimates, keypoint_estimates, write_study_report
+from reconstruction.restore.study_report import (
+    feature_estimates,
+    fold_estimates,
+    keypoint_estimates,
+    keypoint_table,
+    times_of,
+    write_experts,
+    write_study_report,
+)
 from reconstruction.surface.triangles import TriangleMesh
 
 
@@ -45,7 +55,8 @@ def study(tmp_path_factory):
         made = {"restored": truth, "MVS": tube(folds, phase=np.pi), "Pix2Vex": tube(9, flare=0.15)}
         for method, mesh in made.items():
             mesh.write(meshes / f"{method}.ply")
-            rows.append({"garment": "half-sleeve", "seed": seed, "method": method, "mean": 5.0 + seed, "seconds": 10.0, "why": ""})
+            rows.append({"garment": "half-sleeve", "seed": seed, "case": case.name, "edge_mm": 30.0, "method": method,
+                         "mean": 5.0 + seed, "seconds": 10.0, "keypoints_s": 3.0, "template_s": 0.5, "why": ""})  # fmt: skip
     return out, rows, scores(out, [("half-sleeve", s) for s in (1, 2, 3)], 0.03)
 
 
@@ -84,13 +95,78 @@ def test_scores_are_kept_and_made_again_when_a_mesh_is_newer(study):
     assert "mark" in scores(out, cases, 0.03)[0]
     tube(14).write(out / "meshes" / "half-sleeve-1-30mm" / "poisson.ply")
     assert "poisson" in scores(out, cases, 0.03)[0]["methods"] and "poisson" not in scored[0]["methods"]
+    assert set(scores(out, cases, 0.03, 0, study[1])[0]["methods"]) == {"restored", "MVS", "Pix2Vex"}  # that one has no row
+    kept.write_text("{", encoding="utf-8")
+    assert set(scores(out, cases, 0.03)[0]["methods"]) == {"restored", "MVS", "Pix2Vex", "poisson"}
 
 
-def test_the_report_and_the_form(study):
+def test_points_that_the_detector_left_out_are_counted(study):
+    scored = study[2]
+    changed = json.loads(json.dumps(scored))
+    changed[0]["keypoints"][0] = [changed[0]["keypoints"][0][0], None, None]
+    rows = keypoint_table(changed).rows
+    first, total = rows[0], rows[-1]
+    assert first[2:4] == [3, 1] and total[:4] == ["all points", "MFAR", 36, 1]
+    assert keypoint_estimates(changed)[0].n == 2 and keypoint_estimates(changed)[0].low is None
+    near = 100 * sum(share is not None and share <= 0.1 for s in changed for _, _, share in s["keypoints"]) / 36
+    assert total[4] == f"{near:.0f}"
+    nobody = [s | {"keypoints": []} for s in scored]
+    assert keypoint_estimates(nobody) == [] and keypoint_table(nobody).rows == []
+
+
+def test_rows_of_table_2_say_what_their_seconds_are_of(study):
+    rows = study[1]
+    assert times_of(rows)["MFAR: keypoints, template and fit of the shape; no drape"] == (pytest.approx(13.5), None)
+    short = [{k: v for k, v in r.items() if k != "keypoints_s"} for r in rows]
+    assert times_of(short)["MFAR: fit of the shape alone; no keypoints, template, drape"] == (pytest.approx(10.0), None)
+
+
+def test_the_report_and_the_form(study, capsys):
     out, rows, scored = study
-    path = write_study_report(out, [*rows, rows[0] | {"method": "poisson", "why": "no surface"}], scored)
+    more = [*rows[:-1], rows[-1] | {"why": "nothing seen"}, rows[0] | {"method": "poisson", "why": "no surface"}]
+    path = write_study_report(out, more, scored)
     text = path.read_text(encoding="utf-8")
-    for words in ("Figure 4", "Figure 5", "Figure 6", "Figure 7", "Table 2", "null", "no surface", "paper, other data"):
+    for words in ("Figure 4", "Figure 5", "Figure 6", "Figure 7", "Table 2", "null", "no surface", "paper, other data", "2 of 3",
+                  "Pix2Vex on half-sleeve: 2 of 3", "the detector left 0 out", "worse than restored by"):  # fmt: skip
         assert words in text, words
-    key = json.loads((out / "experts" / "key.json").read_text(encoding="utf-8"))
-    assert len(key) == 9 and all((out / "experts" / f"{letter}.png").stat().st_size > 5000 for letter in key)
+    folder = out / "experts"
+    key = json.loads((out / "experts-key.json").read_text(encoding="utf-8"))
+    assert not list(folder.glob("*key*")) and len(key) == 11 and sum(e["method"] == "true" for e in key.values()) == 3
+    assert all((folder / f"{letter}.png").stat().st_size > 5000 for letter in key)
+    form = (folder / "form.csv").read_text(encoding="utf-8")
+    assert all(letter in form for letter in key) and "roundels" not in form
+
+    filled = form.replace(",,,\n", ",yes,yes,no\n")
+    (folder / "form.csv").write_text(filled, encoding="utf-8")
+    write_experts(out, rows)  # a mesh more
+    longer = json.loads((out / "experts-key.json").read_text(encoding="utf-8"))
+    assert len(longer) == 12 and all(longer[letter] == entry for letter, entry in key.items())
+    text = (folder / "form.csv").read_text(encoding="utf-8")
+    assert text.count(",yes,yes,no") == 11 * 23 and text.count(",,,\n") == 23
+
+    command = ["study", "restore", "--experts", str(folder / "form.csv"), "--out"]
+    assert main([*command, str(out), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["garments"] == 11 and {r["method"] for r in found["rates"]} == {"restored", "MVS", "Pix2Vex"}
+    assert all(r["rate"] == 100.0 and r["chance"] == 100.0 for r in found["rates"])
+    assert {r["garments"] for r in found["rates"] if r["method"] == "Pix2Vex"} == {2}
+    assert main([*command, str(out)]) == 0 and "11 garments with answers" in capsys.readouterr().out
+    assert main([*command, str(out / "other")]) == 2 and not (out / "other").exists()
+
+
+def test_a_mesh_that_was_made_anew_is_another_garment_and_an_earlier_key_leaves_the_folder(study, tmp_path):
+    out, rows, _ = study
+    shutil.copytree(out, tmp_path / "s")
+    out = tmp_path / "s"
+    (out / "experts-key.json").unlink(missing_ok=True)
+    shutil.rmtree(out / "experts", ignore_errors=True)
+    (out / "experts").mkdir()
+    (out / "experts" / "key.json").write_text('{"G1": "a/restored"}', encoding="utf-8")
+    write_experts(out, rows[:1])
+    first = json.loads((out / "experts-key.json").read_text(encoding="utf-8"))
+    assert not (out / "experts" / "key.json").exists() and (out / "experts-key-earlier.json").exists() and len(first) == 2
+    tube(9).write(out / "meshes" / "half-sleeve-1-30mm" / "restored.ply")
+    write_experts(out, rows[:1])
+    second = json.loads((out / "experts-key.json").read_text(encoding="utf-8"))
+    assert len(second) == 2 and len(first.keys() & second.keys()) == 1
+    assert {p.stem for p in (out / "experts").glob("*.png")} == set(second)
