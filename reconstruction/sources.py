@@ -14,7 +14,7 @@ One ``[[image]]`` table a picture (``mfar fuse FOLDER --template`` writes them, 
     dpi = 600                       # instead of scale: flat scans only
     head = [402, 88]                # instead of scale: crown and sole of a figure that stands upright, px
     foot = [410, 1205]
-    camera = "mural_3_P.txt"        # 3x4 projection matrix, text
+    camera = "mural_3_P.txt"        # 3x4 projection matrix P, text: pixel (x right, y down) ~ P (X, 1), X in metres
     camera_scale = 0.5              # pixels of this picture to one of the camera's (halved pictures: 0.5)
     date = "8th c."
     place = "Dunhuang, Mogao 130"

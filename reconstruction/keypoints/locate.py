@@ -13,6 +13,7 @@ from reconstruction import images as pictures
 from reconstruction.images import LoadedImage
 from reconstruction.keypoints.baselines import mask_box
 from reconstruction.keypoints.framing import frame
+from reconstruction.keypoints.weights_file import SHIPPED
 from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
 from reconstruction.landmarks import KINDS, LANDMARKS, STATURE
 from reconstruction.sources import Source, read
@@ -21,8 +22,6 @@ from reconstruction.template.dimensions import garment_type
 if TYPE_CHECKING:
     from reconstruction.keypoints.predict import Detector
 
-SHIPPED = "shipped"
-"""Name of the detector that comes with the package."""
 FILE = "keypoints.json"
 
 

@@ -16,11 +16,11 @@ from reconstruction.keypoints.data import Sample
 from reconstruction.keypoints.evaluate import WITHIN
 from reconstruction.keypoints.heatmaps import Peak, decode, peaks, to_input
 from reconstruction.keypoints.hrnet import Architecture, HRNet, channels_last
+from reconstruction.keypoints.weights_file import SHIPPED, SHIPPED_FILE
 from reconstruction.landmarks import LANDMARKS, MIRROR
 from reconstruction.torch_library import torch
 
 FORMAT = "mfar-keypoints-1"
-SHIPPED = Path(__file__).parent / "weights" / "small.pt"
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class Detector:
         self.model.eval()
 
     @classmethod
-    def load(cls, path: str | Path = "shipped") -> Detector:
+    def load(cls, path: str | Path = SHIPPED) -> Detector:
         """A detector from its file, or the one shipped with the package.
 
         Raises
@@ -156,8 +156,8 @@ class Detector:
         DataFileError
             There is no such file or it is no detector.
         """
-        if path == "shipped":
-            path = SHIPPED
+        if path == SHIPPED:
+            path = SHIPPED_FILE
             if not path.exists():
                 raise InputError("this installation has no keypoint weights; train some with `mfar train keypoints`")
         try:

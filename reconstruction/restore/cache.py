@@ -3,7 +3,8 @@
 The key of a stage is the SHA-256 of its name and version, its options, the contents of the files it reads and the *contents* of
 what the stages before it wrote. Its folder is filled under another name and moved into place when it is done, with ``stage.json``
 (key, digests of its files, cost) in it: a run that is killed at any moment goes on after the last finished stage, and a
-change of an option repeats the stages that depend on it and, where these give the same files, nothing else.
+change of an option repeats the stages that depend on it and, where these give the same files, nothing else. One run at a time
+works in a folder (:mod:`reconstruction.restore.lock`).
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mfar_fem.cli.console import jsonable
 from mfar_fem.errors import InputError
+from reconstruction.restore.lock import alone
 
 log = logging.getLogger(__name__)
 RECORD = "stage.json"
@@ -80,7 +83,7 @@ def digest(*parts: Any) -> str:
 
 
 class Stages:
-    """Runs stages into subfolders of a folder.
+    """Runs stages into subfolders of a folder, which it holds as a context: ``with Stages(folder) as stages``.
 
     Parameters
     ----------
@@ -93,14 +96,27 @@ class Stages:
     ----------
     done : dict of str to Done
         In the order in which they were asked for.
+
+    Raises
+    ------
+    InputError
+        On entering: another run works in the folder.
     """
 
     def __init__(self, folder, fresh: bool = False):
         self.folder, self.fresh = Path(folder), fresh
         self.done: dict[str, Done] = {}
+        self._held = ExitStack()
+
+    def __enter__(self) -> Stages:
         self.folder.mkdir(parents=True, exist_ok=True)
+        self._held.enter_context(alone(self.folder))
         for left in self.folder.glob(".part-*"):  # of a run that was killed
             shutil.rmtree(left, ignore_errors=True)
+        return self
+
+    def __exit__(self, *error) -> None:
+        self._held.close()
 
     def run(self, name: str, version: int, work: Callable[[Path], Mapping[str, Any]], *, after: Sequence[str] = (),
             files: Sequence[Path] = (), options: Any = None, resumable: bool = False) -> Done:  # fmt: skip
@@ -153,6 +169,8 @@ class Stages:
         mark = part / ".key"
         if part.exists() and not (resumable and not self.fresh and mark.exists() and mark.read_text() == key):
             shutil.rmtree(part)
+        for left in part.rglob(".*.part*"):  # half a file (mfar_fem.files) of a process that was killed
+            left.unlink()
         try:
             part.mkdir(exist_ok=True)
             mark.write_text(key)

@@ -13,6 +13,7 @@ from reconstruction.report.strokes import warp_strokes
 from reconstruction.report.write import write_report
 from reconstruction.restore.cache import Done
 from reconstruction.restore.drape import FIGURE
+from reconstruction.restore.meshing import ANGLES, TRIMMED
 from reconstruction.sources import SourceSet
 from reconstruction.surface.triangles import TriangleMesh
 
@@ -25,25 +26,34 @@ LIMITS = (
 )
 
 
-def write_pages(sources: SourceSet, done: Mapping[str, Done], settings, at: Path) -> dict[str, Any]:
-    """Write ``report.html`` from the folders of the stages."""
-    template, points, surface = (done[name].facts for name in ("template", "points", "surface"))
+def write_pages(sources: SourceSet, done: Mapping[str, Done], settings, at: Path, failure=None) -> dict[str, Any]:
+    """Write ``report.html`` from the folders of the stages.
+
+    Parameters
+    ----------
+    sources : SourceSet
+    done : mapping of str to Done
+        Stages up to ``points`` at least.
+    settings : RestoreSettings
+    at : Path
+        The report's folder.
+    failure : Failure, optional
+        What ended the run (:class:`reconstruction.restore.pipeline.Failure`).
+
+    Returns
+    -------
+    dict
+        ``report_MB``.
+    """
+    template, points = done["template"].facts, done["points"].facts
     with np.load(done["points"].folder / "shape.npz") as stored:
         shape = {key: stored[key] for key in stored}
-    with np.load(done["surface"].folder / "mesh.npz") as stored:
-        mesh, warp = TriangleMesh(stored["vertices"], stored["faces"]), stored["warp"]
-    figure = TriangleMesh(shape["figure_vertices"], shape["figure_faces"])
-    models = [
-        Model(
-            "Fitted",
-            TriangleMesh(shape["vertices"], shape["faces"]),
-            [Scalar("standard deviation", 1e3 * shape["sigma"], "mm", 0.0)],
-            note="The sewn template after landmarks, outlines and depths.",
-        ),
-        Model("For the solver", mesh, lines=warp_strokes(mesh, warp), note="With its warp."),
-    ]
     costs = [Cost(d.name, d.seconds, d.cpu_s, d.peak_MB, d.cached) for d in done.values()]
-    sections = [_sources(sources, done), _keypoints(done), _template(template, done), _shape(points, done), _surface(surface, done)]
+    sections = [_sources(sources, done), _keypoints(done), _template(template, done), _shape(points, done)]
+    models, mesh = _meshes(shape, done)
+    if "surface" in done:
+        sections.append(_surface(done["surface"].facts, done))
+    figure = TriangleMesh(shape["figure_vertices"], shape["figure_faces"])
     facts = {
         "largest width": f"{np.ptp(mesh.vertices[:, 0]):.2f} m",
         "height": f"{np.ptp(mesh.vertices[:, 2]):.2f} m",
@@ -64,19 +74,23 @@ def write_pages(sources: SourceSet, done: Mapping[str, Done], settings, at: Path
         )
         sections.append(_drape(done["drape"].facts, settings))
         facts["sag in the drape"] = f"{1e3 * done['drape'].facts['sag_m']:.0f} mm"
+    if failure is not None:
+        sections.insert(0, _failure(failure, done))
     sections.append(_costs(costs))
     seconds = sum(c.seconds for c in costs)
+    garment = settings.garment.replace("-", " ")
+    summary = _summary(points, template, len(sources.sources), seconds)
     content = ReportContent(
-        title=f"Restored {settings.garment.replace('-', ' ')}",
+        title=f"Restored {garment}" if failure is None else f"Unfinished restoration of a {garment}",
         garment=settings.garment,
-        summary=_summary(points, template, len(sources.sources), seconds),
+        summary=summary if failure is None else f"The run ended at the stage '{failure.stage}', which failed. {summary}",
         facts=facts,
         sections=sections,
         models=models,
         backdrop=figure,
         costs=costs,
-        evidence=_evidence(points, template, surface),
-        notes=LIMITS,
+        evidence=_evidence(points, template, done["surface"].facts if "surface" in done else None),
+        notes=[*([] if failure is None else [_sentence(failure.reason)]), *points["findings"], *LIMITS],
         provenance={
             "sources": str(len(sources.sources)),
             "licences": "; ".join(sorted({s.licence for s in sources.sources})),
@@ -89,6 +103,43 @@ def write_pages(sources: SourceSet, done: Mapping[str, Done], settings, at: Path
     )
     path = write_report(content, at / "report.html")
     return {"report_MB": path.stat().st_size / 1e6}
+
+
+def _meshes(shape, done: Mapping[str, Done]) -> tuple[list[Model], TriangleMesh]:
+    """The meshes to be shown, each once, and the one that came last."""
+    fitted = TriangleMesh(shape["vertices"], shape["faces"])
+    spread = [Scalar("standard deviation", 1e3 * shape["sigma"], "mm", 0.0)]
+    sewn = "The sewn template after landmarks, outlines and depths"
+    if "surface" not in done:
+        return [Model("Fitted", fitted, spread, note=f"{sewn}.")], fitted
+    stage = done["surface"]
+    with np.load(stage.folder / "mesh.npz") as stored:
+        mesh, warp = TriangleMesh(stored["vertices"], stored["faces"]), stored["warp"]
+    strokes = warp_strokes(mesh, warp)
+    if stage.facts["method"] != "poisson":  # the same triangles
+        note = f"{sewn}, with its warp: the solver takes these triangles, there is no mesh between."
+        return [Model("Fitted, for the solver", mesh, spread, lines=strokes, note=note)], mesh
+    trimmed = TriangleMesh.read(stage.folder / TRIMMED)
+    return [
+        Model("Fitted", fitted, spread, note=f"{sewn}."),
+        Model("Trimmed Poisson", trimmed, note="A new surface through its points, before its triangles are made even."),
+        Model("For the solver", mesh, lines=strokes, note="With even triangles and the pattern's warp."),
+    ], mesh
+
+
+def _sentence(text: str) -> str:
+    """With a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"
+
+
+def _failure(failure, done: Mapping[str, Done]) -> Section:
+    return Section(
+        "What failed",
+        f"The stage '{failure.stage}'; done before it and kept: {', '.join(done)}. What follows is of these.",
+        (),
+        [Table(["try", "why"], [advice.split(": ", 1) for advice in failure.advice], "What to try")],
+        [_sentence(failure.reason)],
+    )
 
 
 def _summary(points, template, pictures: int, seconds: float) -> str:
@@ -129,7 +180,9 @@ def _sources(sources: SourceSet, done: Mapping[str, Done]) -> Section:
         tables.append(Table(list(fusion.facts["by_kinds"][0]), kinds, "Matches by kinds of pictures"))
     return Section(
         "Sources and matches",
-        f"Pairs of pictures: {statuses}. What does not match is not used.",
+        f"Pairs of pictures: {statuses}. The matches tell how alike the pictures are; nothing that follows is computed from them. "
+        "Depths come from pictures that look from similar sides by their cameras, outlines and landmarks from every picture with "
+        "camera and mask, dimensions from every picture with a scale or a figure.",
         _picture(fusion.folder / "graph.png", "The pictures and which of them match", "Match graph"),
         tables,
     )
@@ -143,6 +196,7 @@ def _keypoints(done: Mapping[str, Done]) -> Section:
         "The twelve structural points as the detector finds them.",
         _picture(stage.folder / "predictions.png", "The points drawn on every picture", "Detected points"),
         [Table(["picture", "points present (of 12)"], rows)],
+        stage.facts.get("notes", ()),
     )
 
 
@@ -155,6 +209,7 @@ def _template(facts, done: Mapping[str, Done]) -> Section:
     notes = [
         f"{c['name']}: {c['first']} and {c['second']} disagree by {c['z']:.1f} standard deviations" for c in facts["conflicts"]
     ]
+    notes += facts["findings"]
     return Section(
         "Cutting template",
         "Voted from all pictures; what no picture shows is assumed.",
@@ -193,10 +248,22 @@ def _surface(facts, done: Mapping[str, Done]) -> Section:
     columns = ["stage", "faces", "least_angle", "angle_1", "below_20", "largest_aspect", "degenerate"]
     rows = [[row[c] for c in columns] for row in facts["quality"]]
     notes = [*facts["actions"][:12], f"{len(facts['singularities'])} singular vertices of the warp field"]
+    between = (
+        "A new surface through the points of the fitted pattern, opened along its rims, with even triangles"
+        if facts["method"] == "poisson"
+        else "The triangles are those of the fitted pattern: there is no mesh between, so one is shown, not a before and an after"
+    )
     return Section(
         "Mesh and warp",
-        "The mesh for the solver, its triangles, and the warp carried from the panels.",
-        _picture(folder / "warp.png", "Front and back with strokes along the warp", "Warp"),
+        f"The mesh for the solver, its triangles, and the warp carried from the panels. {between}.",
+        [
+            *_picture(folder / "warp.png", "Front and back with strokes along the warp", "Warp"),
+            *_picture(
+                folder / ANGLES,
+                "The trimmed Poisson surface, even triangles and the final mesh, coloured by smallest angles, with histograms",
+                "Smallest angles before and after",
+            ),
+        ],
         [Table(columns, rows, "Triangles")],
         notes,
     )
@@ -242,14 +309,9 @@ def _evidence(points, template, surface) -> list[Evidence]:
     out.append(Evidence("dimensions of the cut", len(measured) / total, "evidence", _words(measured)))
     if len(measured) < total:
         out.append(Evidence("dimensions of the cut", 1 - len(measured) / total, "prior", _words(template["assumed"])))
-    prior = float(surface["warp_prior_share"])
-    out.append(
-        Evidence(
-            "warp",
-            1.0,
-            "prior",
-            f"grain of straight-cut panels is upright; {100 * prior:.0f} % of it follows the surface's curvature instead",
-        )
-    )
+    if surface is not None:
+        prior = float(surface["warp_prior_share"])
+        detail = f"grain of straight-cut panels is upright; {100 * prior:.0f} % of it follows the surface's curvature instead"
+        out.append(Evidence("warp", 1.0, "prior", detail))
     out.append(Evidence("figure", 1.0, "prior", "drawn under the landmarks with usual proportions"))
     return out

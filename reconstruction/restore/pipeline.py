@@ -1,6 +1,7 @@
 """``mfar restore``: from a folder of pictures to a garment on a figure, settled by the solver, and its report.
 
 Everything after the template is in the wearer's axes (x to the left, y backwards, z up, origin in the middle of the neckline).
+A surface that cannot be made or a drape that fails ends the run, but not without its report.
 """
 
 from __future__ import annotations
@@ -13,28 +14,31 @@ from typing import Any
 
 import numpy as np
 
-import reconstruction.keypoints
-from mfar_fem.errors import InputError, UnknownNameError
+from mfar_fem.errors import InputError, MfarError, MissingDependencyError, NotConvergedError, UnknownNameError
 from mfar_fem.materials.fabric import Fabric, fabric_names
 from mfar_fem.tomlfile import suggest
 from reconstruction import images as pictures
+from reconstruction.keypoints.weights_file import weights_file
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.landmarks import STATURE
 from reconstruction.measure.silhouette import read_mask
 from reconstruction.measure.vote import WEIGHTINGS
-from reconstruction.restore.cache import Done, Stages
+from reconstruction.restore.cache import Stages
+from reconstruction.restore.calibration import check_pictures, check_scale, depth_findings
 from reconstruction.restore.drape import effort, settle, write_scene
+from reconstruction.restore.meshing import named_openings, write_surface
+from reconstruction.restore.progress import Report, Share, counter
+from reconstruction.restore.requirements import check_libraries
 from reconstruction.shape.fit import FitSettings, fit_shape
 from reconstruction.shape.landmarks3d import triangulate
 from reconstruction.shape.points import sample
-from reconstruction.shape.simulation_mesh import simulation_mesh
 from reconstruction.sources import SourceSet, read
 from reconstruction.stereo.view import View
 from reconstruction.surface.triangles import TriangleMesh
 from reconstruction.template.dimensions import TDimensions, derive, garment_type, to_dict
 
 ORDER = ("fusion", "keypoints", "template", "points", "surface", "drape", "report")
-"""The stages."""
+"""The stages; see :func:`stages_of`."""
 REPORT = "report.html"
 
 
@@ -82,8 +86,38 @@ class RestoreSettings:
             raise InputError(f"the surface is made from the template or by poisson, not by '{self.surface}'")
 
 
+def stages_of(settings: RestoreSettings) -> tuple[str, ...]:
+    """The stages of a run."""
+    return tuple(name for name in ORDER if settings.drape or name != "drape")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What ended a run: the stage, why, and what to try instead."""
+
+    stage: str
+    reason: str
+    advice: tuple[str, ...]
+
+    @classmethod
+    def of(cls, stage: str, error: MfarError, s: RestoreSettings) -> Failure:
+        """With advice that fits the settings."""
+        coarser = [name for name in ("standard", "draft") if effort(name).edge > effort(s.fidelity).edge]
+        advice = [f"--fidelity {coarser[0]}: coarser triangles and a shorter drape"] if coarser else []
+        if stage == "drape":
+            advice = ["--no-drape: the restored shape without the drape", *advice, "--fabric: a stiffer or heavier one"]
+        elif s.surface == "poisson":
+            advice = ["--surface template, the default: most robes are refused by the Poisson surface", *advice]
+        else:
+            advice = [*advice, "more or other pictures: arms that lie against the body in all of them make sheets cross"]
+        return cls(stage, str(error), tuple(advice))
+
+    def __str__(self) -> str:
+        return f"the stage '{self.stage}' failed: {self.reason}. Try {'; or '.join(self.advice)}"
+
+
 def restore(
-    folder, out, settings: RestoreSettings | None = None, fresh: bool = False, progress: Callable[[str], None] | None = None
+    folder, out, settings: RestoreSettings | None = None, fresh: bool = False, progress: Report | None = None
 ) -> dict[str, Any]:
     """Restore a garment; stages that were finished before are taken as they are.
 
@@ -92,96 +126,126 @@ def restore(
     folder : path-like
         Of the sources; two pictures with cameras and masks at least.
     out : path-like
-        A folder for every stage, and the report.
+        A folder for every stage, and the report; one run at a time.
     settings : RestoreSettings, optional
     fresh : bool
         Compute everything again.
     progress : callable, optional
-        Told the name of each stage when it begins; at last 'done'.
+        Told a stage and how much of it is done, 0 to 1.
 
     Returns
     -------
     dict
-        ``out``, ``report`` (path), ``stages`` (rows), ``facts`` by stage, ``seconds``, ``peak_MB``.
+        ``out``, ``report`` (path), ``stages`` (rows), ``facts`` by stage, ``seconds``, ``peak_MB``, ``failure`` (None).
 
     Raises
     ------
     InputError
-        Sources that cannot be restored, with what would be needed.
+        Sources that cannot be restored, with what would be needed; or another run is at work in `out`.
+    MissingDependencyError
+        Something that the settings need is not installed.
     NotConvergedError
-        The drape failed; its folder holds what it had.
+        Surface or drape failed. ``result`` is what would have been returned, with ``failure`` (``stage``, ``reason``, ``advice``);
+        the report says the same.
     """
     s = settings or RestoreSettings()
+    check_libraries(s.surface, s.drape, s.fidelity)
     sources = read(folder)
-    calibrated = [source for source in sources.sources if source.camera is not None and source.mask is not None]
-    if len(calibrated) < 2:
-        raise InputError(
-            f"{sources.path}: a shape in space needs two pictures at least that have both 'camera' and 'mask'; "
-            f"{len(calibrated)} of {len(sources.sources)} have"
-        )
+    check_pictures(sources)
     fabric = _fabric(s.fabric)
-    tell = progress or (lambda name: None)
-    stages = Stages(out, fresh)
+    tell = progress or (lambda name, share: None)
+    with Stages(out, fresh) as stages:
+        failure = _run(stages, sources, s, fabric, tell)
+        rows = [d.row() for d in stages.done.values()]
+        payload = {
+            "out": Path(out),
+            "report": stages.done["report"].folder / REPORT,
+            "stages": rows,
+            "facts": {name: d.facts for name, d in stages.done.items()},
+            "seconds": sum(r["seconds"] for r in rows),
+            "peak_MB": max(r["peak_MB"] for r in rows),
+            "failure": failure,
+        }
+    if failure is not None:
+        raise NotConvergedError(f"{failure}. The report of what was done: {payload['report']}", payload)
+    return payload
+
+
+def _run(stages: Stages, sources: SourceSet, s: RestoreSettings, fabric: Path | None, tell: Report) -> Failure | None:
+    """All stages up to the first that fails, and the report."""
     files = [sources.path, *(p for x in sources.sources for p in (x.path, x.mask) if p is not None)]
     cameras = [None if x.camera is None else x.camera.tolist() for x in sources.sources]
+    failure = None
 
-    def run(name: str, version: int, work, **more) -> Done:
-        tell(name)
-        return stages.run(name, version, work, **more)
+    def run(name: str, version: int, work: Callable[[Path, Share], dict[str, Any]], **more) -> None:
+        tell(name, 0.0)
+        stages.run(name, version, lambda at: work(at, lambda share: tell(name, min(share, 1.0))), **more)
+        tell(name, 1.0)
 
-    run("fusion", 2, lambda at: _fuse(sources, at, s), files=files, options={"seed": s.seed, "cameras": cameras})
-    run("keypoints", 2, lambda at: _keypoints(sources, at, s), files=[*files, _weights(s.weights)], options=s.garment)
+    run(
+        "fusion",
+        2,
+        lambda at, share: _fuse(sources, at, s, share),
+        files=files,
+        options={"seed": s.seed, "cameras": cameras},
+        resumable=True,
+    )
+    run(
+        "keypoints",
+        2,
+        lambda at, share: _keypoints(sources, at, s, share),
+        files=[*files, weights_file(s.weights)],
+        options=s.garment,
+    )
     points_file = stages.done["keypoints"].folder / "keypoints.json"
-    run("template", 1, lambda at: _template(points_file, at, s), after=["keypoints"], options=[s.garment, s.vote])
+    run("template", 2, lambda at, share: _template(points_file, at, s), after=["keypoints"], options=[s.garment, s.vote])
     dimensions = stages.done["template"].folder / "dimensions.json"
     shape_settings = FitSettings(edge=effort(s.fidelity).edge)
     run(
         "points",
-        2,
-        lambda at: _points(sources, points_file, dimensions, at, shape_settings),
+        3,
+        lambda at, share: _points(sources, points_file, dimensions, at, shape_settings, share),
         after=["keypoints", "template"],
         files=files,
         options=[cameras, repr(shape_settings)],
     )
     shape_file = stages.done["points"].folder / "shape.npz"
-    run(
-        "surface",
-        1,
-        lambda at: _surface(shape_file, at, s.surface, effort(s.fidelity).edge),
-        after=["points"],
-        options=[s.surface, s.fidelity],
-    )
-    if s.drape:
-        mesh = stages.done["surface"].folder
+    mesh = stages.folder / "surface"
+    name = "surface"
+    try:
         run(
-            "drape",
-            1,
-            lambda at: _drape(mesh, shape_file, at, s.fabric if fabric is None else str(fabric), s),
-            after=["surface", "points"],
-            files=[] if fabric is None else [fabric],
-            options=[s.fabric if fabric is None else "file", s.fidelity],
-            resumable=True,
+            name,
+            2,
+            lambda at, share: _surface(shape_file, at, s.surface, effort(s.fidelity).edge),
+            after=["points"],
+            options=[s.surface, s.fidelity],
         )
+        if s.drape:
+            name = "drape"
+            run(
+                name,
+                1,
+                lambda at, share: _drape(mesh, shape_file, at, s.fabric if fabric is None else str(fabric), s, share),
+                after=["surface", "points"],
+                files=[] if fabric is None else [fabric],
+                options=[s.fabric if fabric is None else "file", s.fidelity],
+                resumable=True,
+            )
+    except MissingDependencyError:
+        raise
+    except MfarError as error:
+        failure = Failure.of(name, error, s)
     from reconstruction.restore.pages import write_pages
 
     run(
         "report",
-        1,
-        lambda at: write_pages(sources, dict(stages.done), s, at),
+        2,
+        lambda at, share: write_pages(sources, dict(stages.done), s, at, failure),
         after=list(stages.done),
         files=[sources.path],
-        options=repr(replace(s, weights="shipped")),
+        options=[repr(replace(s, weights="shipped")), None if failure is None else str(failure)],
     )
-    tell("done")
-    rows = [d.row() for d in stages.done.values()]
-    return {
-        "out": Path(out),
-        "report": stages.done["report"].folder / REPORT,
-        "stages": rows,
-        "facts": {name: d.facts for name, d in stages.done.items()},
-        "seconds": sum(r["seconds"] for r in rows),
-        "peak_MB": max(r["peak_MB"] for r in rows),
-    }
+    return failure
 
 
 def _fabric(name: str) -> Path | None:
@@ -190,25 +254,22 @@ def _fabric(name: str) -> Path | None:
     return None if name in fabric_names() else Path(name).resolve()
 
 
-def _weights(name: str) -> Path:
-    """The detector's file: another one is another result, also where the shipped one changed."""
-    return Path(reconstruction.keypoints.__file__).parent / "weights" / "small.pt" if name == "shipped" else Path(name)
-
-
-def _fuse(sources: SourceSet, at: Path, s: RestoreSettings) -> dict[str, Any]:
-    from reconstruction.matching.fusion import fuse
+def _fuse(sources: SourceSet, at: Path, s: RestoreSettings, share: Share) -> dict[str, Any]:
+    from reconstruction.matching.fusion import fuse, steps
     from reconstruction.matching.settings import MatchSettings
     from reconstruction.measure.stage import measurements
 
-    fusion = fuse(sources.folder, at, MatchSettings(seed=s.seed), stages={"measurements": measurements})
+    step = counter(share, steps(len(sources.sources)))
+    fusion = fuse(sources.folder, at, MatchSettings(seed=s.seed), stages={"measurements": measurements}, progress=step)
     return {"pictures": len(fusion.pictures), "statuses": fusion.graph.statuses(), "by_kinds": fusion.graph.by_kinds()}
 
 
-def _keypoints(sources: SourceSet, at: Path, s: RestoreSettings) -> dict[str, Any]:
+def _keypoints(sources: SourceSet, at: Path, s: RestoreSettings, share: Share) -> dict[str, Any]:
     from reconstruction.keypoints.locate import locate
 
-    found = locate([sources.folder], at, s.weights, garment=s.garment)
+    found = locate([sources.folder], at, s.weights, garment=s.garment, progress=counter(share))
     return {
+        "notes": list(found["notes"]),
         "within_px_of_256x192": found["within_px_of_256x192"],
         "points": {image["name"]: int(np.sum(image["present"])) for image in found["images"]},
     }
@@ -260,13 +321,17 @@ def calibrated_views(sources: SourceSet, keypoints) -> tuple[list[View], np.ndar
     return views, np.array(points), np.array(sigma)
 
 
-def _points(sources: SourceSet, points_file: Path, dimensions: Path, at: Path, settings: FitSettings) -> dict[str, Any]:
+def _points(
+    sources: SourceSet, points_file: Path, dimensions: Path, at: Path, settings: FitSettings, share: Share
+) -> dict[str, Any]:
     from reconstruction.restore.drawings import outlines_picture, support_picture
 
     garment, d = read_dimensions(dimensions)
     views, points, sigma = calibrated_views(sources, read_keypoints(points_file))
     space = triangulate([v.camera for v in views], points, sigma)
-    shape = fit_shape(garment, d, space, views, stature(sources), settings)
+    check_scale(space, stature(sources))
+    step = counter(share, settings.hang + settings.outline + settings.depth)
+    shape = fit_shape(garment, d, space, views, stature(sources), settings, progress=step)
     local = shape.frame.to_body(shape.vertices)
     found = sample(shape, local)
     found.write(at)
@@ -284,7 +349,7 @@ def _points(sources: SourceSet, points_file: Path, dimensions: Path, at: Path, s
         figure_faces=figure.faces,
         origin=shape.frame.origin,
         axes=shape.frame.axes,
-        **_openings(sewn.openings | ({"held": shape.pinned} if len(shape.pinned) else {})),
+        **named_openings(sewn.openings | ({"held": shape.pinned} if len(shape.pinned) else {})),
     )
     TriangleMesh(local, sewn.faces).write(at / "shape.ply")
     outlines_picture(at / "outlines.png", views, shape)
@@ -296,48 +361,16 @@ def _points(sources: SourceSet, points_file: Path, dimensions: Path, at: Path, s
         "landmark_sigma_m": float(np.nanmedian(space.sigma)),
         "sigma_median_m": float(np.median(found.sigma)),
         "stature_m": stature(sources),
+        "findings": depth_findings(views),
         **shape.facts,
     }
 
 
-def _openings(named) -> dict[str, Any]:
-    return {f"opening_{name}": ids for name, ids in named.items()}
-
-
 def _surface(shape_file: Path, at: Path, method: str, edge: float) -> dict[str, Any]:
-    from mfar_fem.surface.io import write_mesh
-    from reconstruction.restore.drawings import warp_picture
-    from reconstruction.surface.quality import quality
-
-    with np.load(shape_file) as stored:
-        shape = {key: stored[key] for key in stored}
-    made = simulation_mesh(shape, method, edge)
-    mesh = made.mesh
-    marks = {f"boundary_{name}": np.isin(np.arange(len(mesh.vertices)), ids).astype(float) for name, ids in made.openings.items()}
-    write_mesh(at / "garment.vtu", mesh.vertices, mesh.faces, marks, {"warp": made.warp.directions})
-    np.savez_compressed(
-        at / "mesh.npz",
-        vertices=mesh.vertices,
-        faces=mesh.faces,
-        warp=made.warp.directions,
-        prior=made.warp.prior,
-        **_openings(made.openings),
-    )
-    mesh.write(at / "garment.ply")
-    warp_picture(at / "warp.png", mesh, made.warp)
-    rows = [quality(TriangleMesh(shape["vertices"], shape["faces"]), "fitted"), quality(mesh, "for the solver")]
-    return {
-        "method": method,
-        "triangles": len(mesh.faces),
-        "quality": [r.to_dict() for r in rows],
-        "actions": list(made.actions),
-        "singularities": {str(k): v for k, v in made.warp.singular.items()},
-        "warp_flipped": made.warp.flipped,
-        "warp_prior_share": float(made.warp.prior.mean()),
-    }
+    return write_surface(shape_file, at, method, edge)
 
 
-def _drape(mesh_folder: Path, shape_file: Path, at: Path, fabric: str, s: RestoreSettings) -> dict[str, Any]:
+def _drape(mesh_folder: Path, shape_file: Path, at: Path, fabric: str, s: RestoreSettings, share: Share) -> dict[str, Any]:
     from mfar_fem.surface.mesh import Surface
 
     with np.load(mesh_folder / "mesh.npz") as stored, np.load(shape_file) as shape:
@@ -350,4 +383,4 @@ def _drape(mesh_folder: Path, shape_file: Path, at: Path, fabric: str, s: Restor
         assert fitted is not None
         (at / "figure.json").write_text(json.dumps(fitted.facts), encoding="utf-8")
     facts |= {"figure": json.loads((at / "figure.json").read_text(encoding="utf-8"))}
-    return facts | settle(at, resume=True)
+    return facts | settle(at, resume=True, progress=lambda row: share(row["time"] / row["until"]))

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-import reconstruction.keypoints
 from mfar_fem.cli.console import jsonable
 from mfar_fem.errors import MfarError, MissingDependencyError
 from mfar_fem.files import replace_bytes, replace_file
 from reconstruction.baselines.mvs import mvs
+from reconstruction.keypoints.weights_file import weights_file
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.metrics.distance import distances
 from reconstruction.restore.cache import digest, file_digest
@@ -205,11 +205,6 @@ def case_digest(folder: Path) -> str:
     """Of the contents of a case's files, by name."""
     files = sorted(f for f in folder.rglob("*") if f.is_file() and not f.name.startswith("."))
     return digest([f.relative_to(folder).as_posix() for f in files], *files)
-
-
-def weights_file(name: str = "shipped") -> Path:
-    """The detector's file."""
-    return Path(reconstruction.keypoints.__file__).parent / "weights" / "small.pt" if name == "shipped" else Path(name)
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:

@@ -10,18 +10,20 @@ import numpy as np
 from mfar_fem.errors import SurfaceError
 from reconstruction.shape.untangle import untangle
 from reconstruction.shape.warp import WarpField, warp_field
-from reconstruction.surface.pipeline import SurfaceSettings, build_surface
+from reconstruction.surface.pipeline import SurfaceResult, SurfaceSettings, build_surface
 from reconstruction.surface.triangles import TriangleMesh
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationMesh:
-    """A mesh without crossings, the warp on it, its free edges by name (vertex ids), and what was done."""
+    """A mesh without crossings, the warp on it, its free edges by name (vertex ids), what was done, and the meshes on the way by
+    name, in order (none if no vertex moved)."""
 
     mesh: TriangleMesh
     warp: WarpField
     openings: dict[str, np.ndarray]
     actions: tuple[str, ...]
+    stages: dict[str, TriangleMesh]
 
 
 def simulation_mesh(
@@ -47,9 +49,12 @@ def simulation_mesh(
     fitted = TriangleMesh(shape["vertices"], shape["faces"])
     actions: list[str] = []
     openings = {key.removeprefix("opening_"): ids for key, ids in shape.items() if key.startswith("opening_")}
-    mesh = fitted
+    mesh, stages = fitted, {"fitted": fitted}
     if method == "poisson":
-        mesh, openings = _poisson(fitted, shape["sigma"], edge, openings, actions, settings)
+        made = _poisson(fitted, shape["sigma"], settings or SurfaceSettings(edge=edge, adaptive=False))
+        mesh, openings = made.mesh, _rims(fitted, openings, made.mesh, edge)
+        stages |= {"trimmed Poisson": made.trimmed, "even triangles": made.even}
+        actions += made.actions
     loose = untangle(mesh)
     if loose.before:
         actions.append(
@@ -64,24 +69,25 @@ def simulation_mesh(
     mesh = TriangleMesh(loose.vertices, mesh.faces)
     centres = fitted.vertices[fitted.faces].mean(axis=1)
     field = warp_field(mesh, centres, shape["warp"], reach=2 * edge, smoothing=0.5)
-    return SimulationMesh(mesh, field, openings, tuple(actions))
+    return SimulationMesh(mesh, field, openings, tuple(actions), stages if actions else {})
 
 
-def _poisson(fitted: TriangleMesh, sigma, edge: float, openings, actions: list[str], settings=None):
-    from scipy.spatial import cKDTree
-
+def _poisson(fitted: TriangleMesh, sigma: np.ndarray, settings: SurfaceSettings) -> SurfaceResult:
     x, e, n = fitted.vertices, fitted.edges, fitted.vertex_normals
     points = np.concatenate([x, x[e].mean(axis=1), x[fitted.faces].mean(axis=1)])
     normals = np.concatenate([n, n[e].sum(axis=1), fitted.face_normals])
     spread = np.concatenate([sigma, sigma[e].max(axis=1), sigma[fitted.faces].max(axis=1)])
-    made = build_surface(points, normals, spread, fitted, settings or SurfaceSettings(edge=edge, adaptive=False))
-    actions += made.actions
-    rim = made.mesh.boundary_vertices
-    found = {}
+    return build_surface(points, normals, spread, fitted, settings)
+
+
+def _rims(fitted: TriangleMesh, openings: Mapping[str, np.ndarray], mesh: TriangleMesh, edge: float) -> dict[str, np.ndarray]:
+    """The free edges of the fitted pattern on a new surface; what is held lies anywhere, not on a rim."""
+    from scipy.spatial import cKDTree
+
+    rim, found = mesh.boundary_vertices, {}
     for name, ids in openings.items():
-        if name == "held":  # anywhere, not on a rim
-            found[name] = np.unique(cKDTree(made.mesh.vertices).query(x[ids])[1])
-            continue
-        distance = cKDTree(x[ids]).query(made.mesh.vertices[rim])[0]
-        found[name] = rim[distance < edge]
-    return made.mesh, found
+        if name == "held":
+            found[name] = np.unique(cKDTree(mesh.vertices).query(fitted.vertices[ids])[1])
+        else:
+            found[name] = rim[cKDTree(fitted.vertices[ids]).query(mesh.vertices[rim])[0] < edge]
+    return found

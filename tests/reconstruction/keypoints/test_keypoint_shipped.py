@@ -19,10 +19,11 @@ def case(tmp_path_factory):
 
 
 def test_points_in_sight_of_an_unseen_robe_are_found(case):
-    from reconstruction.keypoints.predict import SHIPPED, Detector
+    from reconstruction.keypoints.predict import Detector
+    from reconstruction.keypoints.weights_file import SHIPPED_FILE
     from reconstruction.keypoints_file import read_keypoints
 
-    assert SHIPPED.stat().st_size < 20e6
+    assert SHIPPED_FILE.stat().st_size < 20e6
     detector = Detector.load()
     assert "mfar benchmark-data" in detector.notes["data"]
     truth = read_keypoints(case / "truth" / "keypoints.json").images

@@ -221,6 +221,6 @@ def test_saving_in_16_bits_changes_little_and_wrong_files_are_named(trained, tmp
 
 
 def test_without_shipped_weights_the_way_out_is_said(monkeypatch, tmp_path):
-    monkeypatch.setattr(predict, "SHIPPED", tmp_path / "none.pt")
+    monkeypatch.setattr(predict, "SHIPPED_FILE", tmp_path / "none.pt")
     with pytest.raises(InputError, match="mfar train keypoints"):
         Detector.load()

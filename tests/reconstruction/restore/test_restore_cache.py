@@ -28,8 +28,9 @@ class Count:
             (folder / "all.txt").write_text((self.stages.done["first"].folder / "number.txt").read_text())
             return {}
 
-        self.stages.run("first", 1, first, files=[self.source], options={"factor": factor})
-        return self.stages.run("second", 1, second, after=["first"])
+        with self.stages:
+            self.stages.run("first", 1, first, files=[self.source], options={"factor": factor})
+            return self.stages.run("second", 1, second, after=["first"])
 
 
 @pytest.fixture
@@ -96,9 +97,13 @@ def test_a_resumable_stage_gets_its_unfinished_folder_back(tmp_path):
             raise KeyboardInterrupt
         return {}
 
+    def run(version):
+        with Stages(tmp_path) as stages:
+            stages.run("long", version, work, resumable=True)
+
     with pytest.raises(KeyboardInterrupt):
-        Stages(tmp_path).run("long", 1, work, resumable=True)
-    Stages(tmp_path).run("long", 1, work, resumable=True)
+        run(1)
+    run(1)
     assert seen == [False, True]
-    Stages(tmp_path).run("long", 2, work, resumable=True)
+    run(2)
     assert seen == [False, True, False]  # another version begins anew

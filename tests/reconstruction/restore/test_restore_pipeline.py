@@ -1,4 +1,4 @@
-"""``mfar restore``: order, caching, going on after a kill, the report; the first three stages are given."""
+"""``mfar restore``: order, progress, caching, going on after a kill, the report; the first three stages are given."""
 
 import json
 import shutil
@@ -8,11 +8,12 @@ import pytest
 from PIL import Image
 from shape_scene import dimensions, scene
 
-from mfar_fem.errors import InputError, UnknownNameError
+from mfar_fem.cli.main import main
+from mfar_fem.errors import InputError, NotConvergedError, SurfaceError, UnknownNameError
 from mfar_fem.surface.mesh import Surface
 from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
 from reconstruction.restore import drape, pipeline
-from reconstruction.restore.pipeline import ORDER, RestoreSettings, read_dimensions, restore
+from reconstruction.restore.pipeline import ORDER, RestoreSettings, read_dimensions, restore, stages_of
 from reconstruction.shape.evidence import Caster
 from reconstruction.shape.points import PointSet
 from reconstruction.stereo.view import View
@@ -58,11 +59,11 @@ def quick(monkeypatch):
 
         return stage
 
-    def keypoints(sources, at, settings):
-        points = scene()[4]
+    def keypoints(sources, at, settings, share):
+        _, _, views, _, points = scene()
         found = []
-        for source in sources.sources:
-            pixels = View.of("v", np.zeros((4, 4, 3), dtype=np.float32), source.camera).project(points.points)[0]
+        for source in sources.sources:  # the true camera, whatever its file says
+            pixels = 2.0 * views[int(source.path.stem)].project(points.points)[0]
             found.append(ImageKeypoints.of(source.path, source.kind, pixels, sigma=2.0, mask=source.mask))
         write_keypoints(at / "keypoints.json", KeypointsFile(tuple(found)))
         return {"within_px_of_256x192": 2.0, "points": {s.name: 12 for s in sources.sources}}
@@ -77,6 +78,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(pipeline, "_template", given("template", template))
     for name in ("_points", "_surface", "_drape"):
         monkeypatch.setattr(pipeline, name, given(name[1:], getattr(pipeline, name)))
+    monkeypatch.setattr(pipeline, "check_libraries", lambda *settings: None)  # torch is not needed here
     monkeypatch.setitem(drape.EFFORT, "draft", drape.Effort(0.05, 0.04, 0.02))
     return ran
 
@@ -86,8 +88,12 @@ SETTINGS = RestoreSettings(garment="half-sleeve", fidelity="draft")
 
 def test_from_pictures_to_a_report_and_nothing_twice(sources, tmp_path, quick):
     told = []
-    done = restore(sources, tmp_path, SETTINGS, progress=told.append)
-    assert tuple(told) == (*ORDER, "done") and [row["stage"] for row in done["stages"]] == list(ORDER)
+    done = restore(sources, tmp_path, SETTINGS, progress=lambda name, share: told.append((name, share)))
+    assert tuple(dict.fromkeys(name for name, _ in told)) == ORDER and [row["stage"] for row in done["stages"]] == list(ORDER)
+    for name in ORDER:
+        shares = [share for stage, share in told if stage == name]
+        assert shares == sorted(shares) and (shares[0], shares[-1]) == (0.0, 1.0)
+        assert (len(shares) > 2) == (name in ("points", "drape")), name  # the others are given, or have no steps
     assert quick == list(ORDER[:-1])
     points = PointSet.read(tmp_path / "points" / "points.npz")
     assert done["facts"]["points"]["points"] == len(points.points) and done["facts"]["points"]["shares"]["stereo"] > 0.2
@@ -97,6 +103,8 @@ def test_from_pictures_to_a_report_and_nothing_twice(sources, tmp_path, quick):
     page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
     for words in ("Restored half sleeve", "Sources and matches", "What supports what", "Time beside the paper", "Settled"):
         assert words in page, words
+    assert "What does not match is not used" not in page and "nothing that follows is computed from them" in page
+    assert page.count("there is no mesh between") == 2 and "What failed" not in page
     for name in ("points/outlines.png", "points/support.png", "surface/warp.png"):
         assert Image.open(tmp_path / name).size[0] > 300
 
@@ -111,8 +119,11 @@ def test_from_pictures_to_a_report_and_nothing_twice(sources, tmp_path, quick):
     assert quick == ["surface"]  # it gave the same mesh: what follows is kept
 
     quick.clear()
-    restore(sources, tmp_path, RestoreSettings(garment="half-sleeve", fidelity="draft", drape=False))
-    assert quick == []
+    told.clear()
+    settings = RestoreSettings(garment="half-sleeve", fidelity="draft", drape=False)
+    restore(sources, tmp_path, settings, progress=lambda name, share: told.append((name, share)))
+    assert quick == [] and stages_of(settings) == tuple(dict.fromkeys(name for name, _ in told))
+    assert len(stages_of(settings)) == 6 and told[-1] == ("report", 1.0)
 
     folder = tmp_path / "moved"  # the same contents elsewhere are the same sources; another mask is another result
     shutil.copytree(sources, folder)
@@ -125,6 +136,64 @@ def test_from_pictures_to_a_report_and_nothing_twice(sources, tmp_path, quick):
     assert quick == ["fusion", "keypoints", "template", "points", "surface"]
 
 
+def refuse(error):
+    def stage(*args):
+        raise error
+
+    return stage
+
+
+def test_a_failed_drape_is_reported_and_the_exit_code_is_3(sources, tmp_path, quick, monkeypatch, capsys):
+    reason = "the drape ended with not_converged at 0.02 s"
+    with monkeypatch.context() as failing:
+        failing.setattr(pipeline, "_drape", refuse(NotConvergedError(reason)))
+        code = main(["restore", str(sources), "--out", str(tmp_path), "--type", "half-sleeve", "--fidelity", "draft", "--json"])
+    said = capsys.readouterr()
+    assert code == 3
+    assert f"the stage 'drape' failed: {reason}. Try --no-drape" in said.err and "report.html" in said.err
+    payload = json.loads(said.out)
+    assert payload["failure"]["stage"] == "drape" and payload["failure"]["reason"] == reason
+    assert [row["stage"] for row in payload["stages"]] == [name for name in ORDER if name != "drape"]
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    for words in ("Unfinished restoration of a half sleeve", "What failed", reason[1:], "--no-drape", "Mesh and warp"):
+        assert words in page, words
+    quick.clear()
+    assert restore(sources, tmp_path, SETTINGS)["failure"] is None and quick == ["drape"]
+    assert "What failed" not in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+
+    # the surface: what follows is not begun
+    failing = RestoreSettings(garment="half-sleeve", fidelity="draft", surface="poisson")
+    quick.clear()
+    monkeypatch.setattr(pipeline, "_surface", refuse(SurfaceError("3 openings, expected 4")))
+    said = "'surface' failed: 3 openings, expected 4. Try --surface template, the default"
+    with pytest.raises(NotConvergedError, match=said) as raised:
+        restore(sources, tmp_path, failing)
+    assert quick == [] and raised.value.result["failure"].stage == "surface"
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    assert "--surface template" in page and "What supports what" in page and "Mesh and warp" not in page and "Settled" not in page
+
+
+def test_cameras_in_millimetres_and_without_neighbours(sources, tmp_path, quick):
+    folder = tmp_path / "mm"
+    shutil.copytree(sources, folder)
+    for i in range(4):
+        np.savetxt(folder / f"{i}.txt", np.loadtxt(folder / f"{i}.txt") @ np.diag([1e-3, 1e-3, 1e-3, 1.0]))
+    with pytest.raises(InputError, match=r"times too large for a figure of 1.65 m: .* not in metres but in millimetres"):
+        restore(folder, tmp_path / "out", SETTINGS)
+
+    text = (sources / "sources.toml").read_text()
+    apart = tmp_path / "apart"  # one from the front and one from the back have depths of nothing
+    shutil.copytree(sources, apart)
+    images = text.split("[[image]]")
+    for i in (1, 2):
+        (apart / f"{i}.png").unlink()
+        (apart / f"mask{i}.png").unlink()
+    (apart / "sources.toml").write_text("[[image]]".join([images[0], images[1], images[4]]))
+    done = restore(apart, tmp_path / "apart-out", RestoreSettings(garment="half-sleeve", fidelity="draft", drape=False))
+    assert "within 60°" in done["facts"]["points"]["findings"][0]
+    assert "No two pictures with cameras look within 60°" in done["report"].read_text(encoding="utf-8")
+
+
 def test_what_cannot_be_restored_is_said_at_once(sources, tmp_path, quick):
     folder = tmp_path / "two"
     folder.mkdir()
@@ -134,7 +203,8 @@ def test_what_cannot_be_restored_is_said_at_once(sources, tmp_path, quick):
         '[[image]]\nfile = "0.png"\nkind = "figurine"\nlicence = "x"\nmask = "mask0.png"\ncamera = "0.txt"\n'
         '[[image]]\nfile = "1.png"\nkind = "figurine"\nlicence = "x"\n'
     )
-    with pytest.raises(InputError, match=r"sources.toml.*two pictures at least that have both 'camera' and 'mask'; 1 of 2"):
+    missing = r"sources.toml.*two pictures at least that have both 'camera' and 'mask'; 1 of 2 has: '1.png' lacks camera and mask"
+    with pytest.raises(InputError, match=missing):
         restore(folder, tmp_path / "out", SETTINGS)
     assert quick == []
     with pytest.raises(UnknownNameError, match="silk-charmeus"):
