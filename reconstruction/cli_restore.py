@@ -167,6 +167,10 @@ def _show_study(payload: Mapping[str, Any]) -> list[Any]:
     notes = ["(-): no interval over fewer than three garments."]
     if any(r["n"] < r["cases"] for r in payload["summary"]):
         notes.append("A mean over fewer garments is of other garments: compare by the paired differences.")
+    held = [f"{r['garment']} {100 * r['within_2_sigma']:.0f} %" for r in payload["summary"]
+            if r["method"] == "restored" and r.get("within_2_sigma") is not None]  # fmt: skip
+    if held:
+        notes.append(f"Points of *restored* within twice their standard deviation: {', '.join(held)}.")
     files = "rows.csv, summary.csv, study.json, report.html, experts/ (to hand out), experts-key.json (not to)"
     return [*tables.values(), *notes, f"written to {payload['out']}: {files}"]
 

@@ -344,6 +344,7 @@ def _points(
         panel=sewn.panel,
         warp=sewn.warp_in_space(local),
         sigma=shape.sigma,
+        noise=shape.noise,
         source=shape.source,
         figure_vertices=figure.vertices,
         figure_faces=figure.faces,

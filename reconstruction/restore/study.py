@@ -29,6 +29,7 @@ from reconstruction.shape.landmarks3d import SpacePoints, triangulate
 from reconstruction.shape.simulation_mesh import simulation_mesh
 from reconstruction.sources import read
 from reconstruction.style.bootstrap import mean_interval
+from reconstruction.surface.analytic import mesh_distance
 from reconstruction.surface.pipeline import SurfaceSettings
 from reconstruction.surface.study_refinement import at_count
 from reconstruction.surface.triangles import TriangleMesh
@@ -57,7 +58,8 @@ WITHOUT_DETECTOR = ("true points", "MVS", "Pix2Vex")
 """Methods that no detected point enters: their rows stay when the detector changes."""
 RECORD = "made.json"
 """File beside detected keypoints: what they are of."""
-MEANS = ("off_mean", "off_median", "missing_mean", "missing_95", "largest", "rim_mean", "floor", "faces", "seconds")
+MEANS = ("off_mean", "off_median", "missing_mean", "missing_95", "largest", "rim_mean", "floor", "within_2_sigma", "faces",
+         "seconds")  # fmt: skip
 """Columns of rows of which the summary gives the mean alone."""
 LEAST = 3
 """Garments from which on a mean has an interval: resampling one or two gives widths that mean nothing."""
@@ -162,6 +164,7 @@ def compare(
                 if method == "restored":
                     fitted[:] = [shape]
                 mesh = shape.sewn.mesh(shape.vertices)
+                row["within_2_sigma"] = float(np.mean(mesh_distance(shape.vertices, truth) <= 2 * shape.sigma))
             seconds = time.perf_counter() - begin
             row |= distances(mesh, truth) | {"faces": len(mesh.faces), "seconds": seconds, "why": ""}
             if written is not None:
@@ -189,7 +192,7 @@ def _poisson(shape, edge: float, settings: SurfaceSettings) -> TriangleMesh:
         "vertices": shape.vertices,
         "faces": shape.sewn.faces,
         "warp": shape.sewn.warp_in_space(shape.vertices),
-        "sigma": shape.sigma,
+        "noise": shape.noise,
     }
     return simulation_mesh(known, "poisson", edge, settings).mesh
 

@@ -11,7 +11,6 @@ from scipy.ndimage import distance_transform_edt
 from reconstruction.shape.cloth import Cloth, ClothSettings
 from reconstruction.shape.evidence import (
     FIRM,
-    SIGMA,
     STRIDE,
     Caster,
     Outline,
@@ -26,6 +25,7 @@ from reconstruction.shape.frame import BodyFrame
 from reconstruction.shape.landmarks3d import SpacePoints
 from reconstruction.shape.mannequin import Mannequin
 from reconstruction.shape.sewn import Sewn
+from reconstruction.shape.uncertainty import uncertainty
 from reconstruction.shape.wearing import LEAST_GATHERED, put_on
 from reconstruction.stereo.sweep import DepthMap, sweep
 from reconstruction.stereo.view import View
@@ -57,8 +57,9 @@ class Shape:
     sewn : Sewn
     vertices : (nv, 3) array
         m, world.
-    sigma : (nv,) array
-        Standard deviation of each vertex, m.
+    sigma, noise : (nv,) arrays
+        Standard deviation of each vertex, and the part of it that smoothing can take away, m
+        (:mod:`reconstruction.shape.uncertainty`).
     source : (nv,) array of str
         What supports it most: ``stereo``, ``outline``, ``landmark`` or ``template`` (nothing that is seen).
     body : Mannequin
@@ -73,6 +74,7 @@ class Shape:
     sewn: Sewn
     vertices: np.ndarray
     sigma: np.ndarray
+    noise: np.ndarray
     source: np.ndarray
     body: Mannequin
     frame: BodyFrame
@@ -160,8 +162,8 @@ def fit_shape(
                 facts["depth_m"][view.name] = depth_targets(targets, depths[view.name], at, cloth, gate)
         cloth.step(targets.weight, targets.places)
         tick(1)
-    sigma, source = _support(cloth, targets)
-    return Shape(sewn, frame.to_world(cloth.x), sigma, source, cloth.body, frame, facts, worn.pinned)
+    sigma, noise, source = uncertainty(cloth, targets, garment)
+    return Shape(sewn, frame.to_world(cloth.x), sigma, noise, source, cloth.body, frame, facts, worn.pinned)
 
 
 def depth_maps(cloth: Cloth, views: Sequence[View], reach: float = 0.08, pixels: float = 0.5) -> dict[str, DepthMap]:
@@ -221,20 +223,3 @@ def _tighten(targets: Targets, cloth: Cloth, belt: np.ndarray) -> None:
         gap = body.distance(cloth.x[belt]) - cloth.s.clearance
         places = cloth.x[belt] - np.maximum(gap, 0.0)[:, None] * body.outwards(cloth.x[belt])
         targets.add("template", belt, places, 0.05 * FIRM * cloth.vertex_area[belt])
-
-
-TEMPLATE_SIGMA, MESH_SIGMA = 0.03, 6e-3
-"""Standard deviation of a point that only the template places, and what a mesh of 30 mm with its stiffness adds to the pictures',
-m: twice the sum held 80 to 100 % of the points of two benchmark garments."""
-
-
-def _support(cloth: Cloth, targets: Targets) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviation and name of what holds each vertex."""
-    names = np.full(len(cloth.x), "template", dtype=object)
-    best = np.zeros(len(cloth.x))
-    for name, weight in targets.support.items():
-        more = weight > best
-        names[more], best[more] = name, weight[more]
-    evidence = targets.weight - targets.support.get("template", 0.0)  # a belt is no evidence
-    information = evidence / (FIRM * SIGMA**2 * cloth.vertex_area)  # 1/m²
-    return np.sqrt(1.0 / (information + TEMPLATE_SIGMA**-2) + MESH_SIGMA**2), names.astype(str)

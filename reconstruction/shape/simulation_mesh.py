@@ -34,7 +34,7 @@ def simulation_mesh(
     Parameters
     ----------
     shape : mapping
-        ``vertices`` (nv, 3), ``faces`` (nf, 3), ``warp`` (nf, 3), ``sigma`` (nv,), and ``opening_*`` vertex ids.
+        ``vertices`` (nv, 3), ``faces`` (nf, 3), ``warp`` (nf, 3), ``noise`` (nv,), and ``opening_*`` vertex ids.
     method : str
         ``template``: the pattern's own triangles; ``poisson``: a new surface ((9),
         :func:`reconstruction.surface.pipeline.build_surface`) of edges `edge`, m, cut along the pattern's free edges.
@@ -51,7 +51,7 @@ def simulation_mesh(
     openings = {key.removeprefix("opening_"): ids for key, ids in shape.items() if key.startswith("opening_")}
     mesh, stages = fitted, {"fitted": fitted}
     if method == "poisson":
-        made = _poisson(fitted, shape["sigma"], settings or SurfaceSettings(edge=edge, adaptive=False))
+        made = _poisson(fitted, shape["noise"], settings or SurfaceSettings(edge=edge, adaptive=False))
         mesh, openings = made.mesh, _rims(fitted, openings, made.mesh, edge)
         stages |= {"trimmed Poisson": made.trimmed, "even triangles": made.even}
         actions += made.actions
@@ -72,11 +72,11 @@ def simulation_mesh(
     return SimulationMesh(mesh, field, openings, tuple(actions), stages if actions else {})
 
 
-def _poisson(fitted: TriangleMesh, sigma: np.ndarray, settings: SurfaceSettings) -> SurfaceResult:
+def _poisson(fitted: TriangleMesh, noise: np.ndarray, settings: SurfaceSettings) -> SurfaceResult:
     x, e, n = fitted.vertices, fitted.edges, fitted.vertex_normals
     points = np.concatenate([x, x[e].mean(axis=1), x[fitted.faces].mean(axis=1)])
     normals = np.concatenate([n, n[e].sum(axis=1), fitted.face_normals])
-    spread = np.concatenate([sigma, sigma[e].max(axis=1), sigma[fitted.faces].max(axis=1)])
+    spread = np.concatenate([noise, noise[e].max(axis=1), noise[fitted.faces].max(axis=1)])
     return build_surface(points, normals, spread, fitted, settings)
 
 

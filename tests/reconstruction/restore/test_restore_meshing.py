@@ -19,7 +19,7 @@ pytest.importorskip("igl")
 def shape():
     mesh, sewn, *_ = scene()
     return {"vertices": mesh.vertices, "faces": mesh.faces, "warp": sewn.warp_in_space(mesh.vertices),
-            "sigma": np.full(len(mesh.vertices), 0.01)} | {f"opening_{k}": v for k, v in sewn.openings.items()}  # fmt: skip
+            "noise": np.full(len(mesh.vertices), 0.01)} | {f"opening_{k}": v for k, v in sewn.openings.items()}  # fmt: skip
 
 
 def test_a_template_that_needs_no_untangling_has_one_mesh(shape, tmp_path):

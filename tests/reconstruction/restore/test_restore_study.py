@@ -208,7 +208,8 @@ def test_adaptive_and_uniform_subdivision_have_as_many_triangles(tmp_path, monke
     from reconstruction.surface.subdivision import adaptive_loop, uniform_loop
 
     base = base_mesh(0.03)
-    shape = types.SimpleNamespace(vertices=base.vertices, sewn=types.SimpleNamespace(mesh=lambda x: base))
+    sewn = types.SimpleNamespace(mesh=lambda x: base)
+    shape = types.SimpleNamespace(vertices=base.vertices, sigma=np.full(len(base.vertices), 0.01), sewn=sewn)
 
     def poisson(shape, edge, settings):
         if settings.adaptive:
@@ -228,6 +229,7 @@ def test_adaptive_and_uniform_subdivision_have_as_many_triangles(tmp_path, monke
         monkeypatch.setattr(study, name, stub)
     rows = {r["method"]: r for r in study.compare(tmp_path, tmp_path / "k.json", "half-sleeve", 0.03,
                                                   ["poisson adaptive", "poisson uniform", "restored"], tmp_path / "m")}  # fmt: skip
+    assert rows["restored"]["within_2_sigma"] == 1.0
     assert rows["poisson uniform"]["faces"] == 4 * len(base.faces) == 4 * rows["restored"]["faces"]
     assert rows["poisson adaptive"]["faces"] == pytest.approx(rows["poisson uniform"]["faces"], rel=0.03)
     assert len(adaptive_loop(base).mesh.faces) != pytest.approx(4 * len(base.faces), rel=0.03)

@@ -17,7 +17,7 @@ pytest.importorskip("embreex")
 def stored():
     mesh, sewn, *_ = scene()
     return {"vertices": mesh.vertices, "faces": mesh.faces, "warp": sewn.warp_in_space(mesh.vertices),
-            "sigma": np.full(len(mesh.vertices), 0.01)} | {f"opening_{k}": v for k, v in sewn.openings.items()}  # fmt: skip
+            "noise": np.full(len(mesh.vertices), 0.01)} | {f"opening_{k}": v for k, v in sewn.openings.items()}  # fmt: skip
 
 
 def test_the_shell_takes_it_with_warp_and_edges():
