@@ -80,7 +80,8 @@ def study_restore(
     methods: Annotated[
         str,
         typer.Option(
-            help="Methods, with commas; all by default: restored, template only, outlines only, true points, true depth, poisson, "
+            help="Methods, with commas; all by default: restored, draped, template only, outlines only, true points, true depth, "
+            "poisson, "
             "poisson without ARAP, poisson adaptive, poisson uniform (8 to 20 s a garment each), MVS (32 to 119 s), Pix2Vex, "
             "Pix2Vex from template (about 120 s each)."
         ),

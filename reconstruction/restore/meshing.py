@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from reconstruction.restore.drawings import warp_picture
+from reconstruction.shape.fit import Shape
 from reconstruction.shape.simulation_mesh import simulation_mesh
 from reconstruction.surface.quality import quality, quality_picture
 
@@ -20,6 +21,14 @@ TRIMMED = "trimmed.ply"
 def named_openings(openings: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Vertex ids under the names of a stored array each."""
     return {f"opening_{name}": ids for name, ids in openings.items()}
+
+
+def solver_input(shape: Shape) -> dict[str, np.ndarray]:
+    """A fitted shape in the wearer's axes, as :func:`reconstruction.shape.simulation_mesh.simulation_mesh` takes it."""
+    local, sewn = shape.frame.to_body(shape.vertices), shape.sewn
+    held = {"held": shape.pinned} if len(shape.pinned) else {}
+    return {"vertices": local, "faces": sewn.faces, "warp": sewn.warp_in_space(local), "noise": shape.noise,
+            **named_openings(sewn.openings | held)}  # fmt: skip
 
 
 def write_surface(shape_file: Path, at: Path, method: str, edge: float) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from reconstruction.measure.vote import WEIGHTINGS
 from reconstruction.restore.cache import Stages
 from reconstruction.restore.calibration import check_pictures, check_scale, depth_findings
 from reconstruction.restore.drape import effort, settle, write_scene
-from reconstruction.restore.meshing import named_openings, write_surface
+from reconstruction.restore.meshing import solver_input, write_surface
 from reconstruction.restore.progress import Report, Share, counter
 from reconstruction.restore.requirements import check_libraries
 from reconstruction.shape.fit import FitSettings, fit_shape
@@ -339,18 +339,14 @@ def _points(
     sewn = shape.sewn
     np.savez_compressed(
         at / "shape.npz",
-        vertices=local,
-        faces=sewn.faces,
+        **solver_input(shape),  # type: ignore[arg-type]
         panel=sewn.panel,
-        warp=sewn.warp_in_space(local),
         sigma=shape.sigma,
-        noise=shape.noise,
         source=shape.source,
         figure_vertices=figure.vertices,
         figure_faces=figure.faces,
         origin=shape.frame.origin,
         axes=shape.frame.axes,
-        **named_openings(sewn.openings | ({"held": shape.pinned} if len(shape.pinned) else {})),
     )
     TriangleMesh(local, sewn.faces).write(at / "shape.ply")
     outlines_picture(at / "outlines.png", views, shape)

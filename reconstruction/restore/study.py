@@ -22,9 +22,10 @@ from reconstruction.keypoints.weights_file import weights_file
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.metrics.distance import distances
 from reconstruction.restore.cache import digest, file_digest
+from reconstruction.restore.meshing import solver_input
 from reconstruction.restore.pipeline import calibrated_views, stature
 from reconstruction.shape.evidence import Caster
-from reconstruction.shape.fit import FitSettings, fit_shape
+from reconstruction.shape.fit import FitSettings, Shape, fit_shape
 from reconstruction.shape.landmarks3d import SpacePoints, triangulate
 from reconstruction.shape.simulation_mesh import simulation_mesh
 from reconstruction.sources import read
@@ -41,6 +42,7 @@ VERSION = 2
 a key are of version 1."""
 METHODS = {
     "restored": "template, landmarks, outlines and stereo",
+    "draped": "as restored, then settled by the solver as `mfar restore` does at standard: what it delivers",
     "template only": "template hung on the landmarks; no outline, no depth",
     "outlines only": "the same with outlines, without depths",
     "true points": "as restored, with the true landmarks, in the pictures (for the template) and in space (oracle)",
@@ -54,6 +56,7 @@ METHODS = {
     "Pix2Vex from template": "the same from the template hung on the landmarks (edges of 60 mm)",
 }
 """What is compared."""
+DRAPED = "draped"
 WITHOUT_DETECTOR = ("true points", "MVS", "Pix2Vex")
 """Methods that no detected point enters: their rows stay when the detector changes."""
 RECORD = "made.json"
@@ -144,6 +147,8 @@ def compare(
                 row["template_s"] = measured()[2]
             if method == "true depth":
                 exact()
+            if method == DRAPED:
+                restored()
             if method in surfaces:
                 shape, how = restored(), surfaces[method]
                 if method == "poisson adaptive":
@@ -157,6 +162,8 @@ def compare(
 
                 hung = fit(method) if method == "Pix2Vex from template" else None
                 mesh = pix2vex(views, None if hung is None else hung.sewn.mesh(hung.vertices)).mesh
+            elif method == DRAPED:
+                mesh = draped(restored(), edge)
             elif method in surfaces:
                 mesh = _poisson(shape, edge, how)
             else:
@@ -187,7 +194,7 @@ def _surfaces(edge: float) -> dict[str, SurfaceSettings]:
     }
 
 
-def _poisson(shape, edge: float, settings: SurfaceSettings) -> TriangleMesh:
+def _poisson(shape: Shape, edge: float, settings: SurfaceSettings) -> TriangleMesh:
     known = {
         "vertices": shape.vertices,
         "faces": shape.sewn.faces,
@@ -195,6 +202,29 @@ def _poisson(shape, edge: float, settings: SurfaceSettings) -> TriangleMesh:
         "noise": shape.noise,
     }
     return simulation_mesh(known, "poisson", edge, settings).mesh
+
+
+def draped(shape: Shape, edge: float, fabric: str = "silk-charmeuse", fidelity: str = "standard") -> TriangleMesh:
+    """A fitted shape after the solver has settled it on its figure.
+
+    Raises
+    ------
+    SurfaceError, NotConvergedError
+        Triangles pass through each other, or the solver gave up.
+    """
+    from tempfile import TemporaryDirectory
+
+    from mfar_fem.surface.mesh import Surface
+    from reconstruction.restore.drape import settle, write_scene
+
+    made = simulation_mesh(solver_input(shape), "template", edge)
+    surface = Surface(made.mesh.vertices, made.mesh.faces, 1, made.warp.directions, boundary=made.openings)
+    with TemporaryDirectory() as folder:
+        write_scene(Path(folder), surface, shape.body.mesh(), fabric, fidelity)
+        settle(Path(folder))
+        with np.load(Path(folder) / "settled.npz") as stored:
+            nodes = stored["nodes"][: len(made.mesh.vertices)]
+    return TriangleMesh(shape.frame.to_world(nodes), made.mesh.faces)
 
 
 def row_key(method: str, case: str, weights: str, edge: float, around: int = 0) -> str:

@@ -244,3 +244,19 @@ def test_help_names_every_method_and_what_it_costs():
 
     option = get_type_hints(cli_restore.study_restore, include_extras=True)["methods"].__metadata__[0]
     assert all(method in option.help for method in study.METHODS) and "32 to 119 s" in option.help
+
+
+def test_the_draped_garment_is_that_of_the_fit_and_hangs_lower():
+    pytest.importorskip("igl")
+    pytest.importorskip("embreex")
+    from shape_scene import STATURE, dimensions, scene
+
+    from reconstruction.shape.fit import FitSettings, fit_shape
+
+    _, _, views, given, points = scene()
+    settings = FitSettings(edge=0.04, hang=8, outline=4, depth=4)
+    shape = fit_shape("half-sleeve", dimensions(), points, views, STATURE, settings, given=given)
+    mesh = study.draped(shape, 0.04, fidelity="draft")
+    assert np.array_equal(mesh.faces, shape.sewn.faces)
+    moved = mesh.vertices - shape.vertices
+    assert -0.08 < moved[:, 2].mean() < 0.0 and np.linalg.norm(moved, axis=1).max() < 0.3
