@@ -329,7 +329,7 @@ def _points(
     garment, d = read_dimensions(dimensions)
     views, points, sigma = calibrated_views(sources, read_keypoints(points_file))
     space = triangulate([v.camera for v in views], points, sigma)
-    check_scale(space, stature(sources))
+    doubts = check_scale(space, stature(sources))
     step = counter(share, settings.hang + settings.outline + settings.depth)
     shape = fit_shape(garment, d, space, views, stature(sources), settings, progress=step)
     local = shape.frame.to_body(shape.vertices)
@@ -358,7 +358,7 @@ def _points(
         "landmark_sigma_m": float(np.nanmedian(space.sigma)),
         "sigma_median_m": float(np.median(found.sigma)),
         "stature_m": stature(sources),
-        "findings": depth_findings(views),
+        "findings": depth_findings(views) + doubts,
         **shape.facts,
     }
 

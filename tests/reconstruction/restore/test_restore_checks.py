@@ -25,7 +25,10 @@ def points(size=1.0, without=()):
 def test_a_figure_of_the_right_size_passes():
     assert scale_of(points(), 1.65) == pytest.approx(1.0, abs=0.15)
     for size in (1 / 1.3, 1.0, 1.3):
-        check_scale(points(size), 1.65)
+        assert check_scale(points(size), 1.65) == []
+    for size in (1 / 1.9, 1.9):  # badly found, or uncommon: said, not refused
+        (doubt,) = check_scale(points(size), 1.65)
+        assert "times too" in doubt and "metres" in doubt
     check_scale(points(1000, without=("left_shoulder", "left_waist")), 1.65)  # nothing to tell it by
 
 
