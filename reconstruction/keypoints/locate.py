@@ -174,8 +174,11 @@ def _notes(found: Sequence[ImageKeypoints], detector: Detector, garment: str | N
     if garment is not None and seen and garment not in seen:
         notes.append(f"the detector was never trained on a {garment} (only on {', '.join(seen)}): check its points, or set them by "
                      f"hand in {FILE}")
-    for image in found:
-        if image.present.any() and (mean := float(image.confidence[image.present].mean())) < UNSURE:
-            notes.append(f"{image.name}: points are uncertain (mean confidence {mean:.2f}). The detector expects pictures framed "
-                         "on one figure, head to feet: give 'box' or 'mask' in sources.toml, or cut the picture out")
+    means = {i.name: float(i.confidence[i.present].mean()) for i in found if i.present.any()}
+    unsure = {name: mean for name, mean in means.items() if mean < UNSURE}
+    if unsure:
+        listed = ", ".join(f"{name} {mean:.2f}" for name, mean in unsure.items())
+        notes.append(f"points of {len(unsure)} of {len(found)} pictures are uncertain (mean confidence: {listed}). The detector "
+                     "knows pictures framed on one figure, head to feet: give 'mask' or 'box' in sources.toml where they are not, or "
+                     f"set the points by hand in {FILE}")
     return tuple(notes)

@@ -19,6 +19,9 @@ from reconstruction.surface.triangles import TriangleMesh
 
 PAPER_S = {"reconstruction": 48.3, "simulation": 112.7}
 """What the paper states for one garment, s (18 cores and a P100)."""
+KINDS = {"kinds": "kinds", "pairs": "pairs", "matched": "matched", "failed": "failed", "median_rate": "inlier rate",
+         "inliers": "inliers", "median_sampson_px": "own lines, px", "median_sampson_cameras_px": "cameras' lines, px"}  # fmt: skip
+"""Columns of the matches by kinds of pictures."""
 LIMITS = (
     "What no picture shows is prior: the back, the figure, hidden folds. The pictures of the stage 'points' say where.",
     "The drape takes the restored shape as free of stress; a garment that hangs already sags once more.",
@@ -174,10 +177,10 @@ def _sources(sources: SourceSet, done: Mapping[str, Done]) -> Section:
     ]
     fusion = done["fusion"]
     statuses = ", ".join(f"{n} {name}" for name, n in fusion.facts["statuses"].items())
-    kinds = [list(row.values()) for row in fusion.facts["by_kinds"]]
+    kinds = [[row[key] for key in KINDS] for row in fusion.facts["by_kinds"]]
     tables = [Table(["picture", "kind", "figure", "camera", "mask", "licence"], rows, "Sources")]
     if kinds:
-        tables.append(Table(list(fusion.facts["by_kinds"][0]), kinds, "Matches by kinds of pictures"))
+        tables.append(Table(list(KINDS.values()), kinds, "Matches by kinds of pictures"))
     return Section(
         "Sources and matches",
         f"Pairs of pictures: {statuses}. The matches tell how alike the pictures are; nothing that follows is computed from them. "
@@ -209,7 +212,7 @@ def _template(facts, done: Mapping[str, Done]) -> Section:
     notes = [
         f"{c['name']}: {c['first']} and {c['second']} disagree by {c['z']:.1f} standard deviations" for c in facts["conflicts"]
     ]
-    notes += facts["findings"]
+    notes += [f for f in facts["findings"] if ": keypoints: " not in f]  # those stand by the keypoints
     return Section(
         "Cutting template",
         "Voted from all pictures; what no picture shows is assumed.",
