@@ -179,6 +179,6 @@ def _notes(found: Sequence[ImageKeypoints], detector: Detector, garment: str | N
     if unsure:
         listed = ", ".join(f"{name} {mean:.2f}" for name, mean in unsure.items())
         notes.append(f"points of {len(unsure)} of {len(found)} pictures are uncertain (mean confidence: {listed}). The detector "
-                     "knows pictures framed on one figure, head to feet: give 'mask' or 'box' in sources.toml where they are not, or "
-                     f"set the points by hand in {FILE}")
+                     "knows pictures framed on one figure, head to feet: give 'mask' or 'box' in sources.toml where they are not, "
+                     f"or set the points by hand in {FILE}")
     return tuple(notes)
