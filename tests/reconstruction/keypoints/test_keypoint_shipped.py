@@ -31,8 +31,8 @@ def test_points_in_sight_of_an_unseen_robe_are_found(case):
     apart = np.linalg.norm(found.points - [i.points for i in truth], axis=-1) * found.scale[:, None]
     apart = apart[np.isfinite(apart)]
     assert len(apart) > 60
-    assert np.median(apart) < 6.0  # px of 256 x 192; 1.5 over the test pictures of the benchmark
-    assert (apart < 25.0).mean() > 0.9
+    assert np.median(apart) < 3.0  # px of 256 x 192, hidden ones too; 2.1 here, 1.6 over the test pictures of the benchmark
+    assert np.sqrt(np.mean(apart**2)) < 4.5 and (apart < 8.0).mean() > 0.95
 
 
 def test_sources_to_keypoints_to_template(case, tmp_path):
