@@ -54,3 +54,11 @@ def test_sources_to_keypoints_to_template(case, tmp_path):
     votes = {v["name"]: v["value_m"] for v in json.loads(second.stdout)["votes"]}
     assert votes["garment_length"] == pytest.approx(cut["length"], rel=0.08)
     assert votes["cross_sleeve_width"] == pytest.approx(cut["cross_sleeve"], rel=0.08)
+
+
+def test_a_type_that_it_never_saw_is_said(case, tmp_path):
+    from reconstruction.keypoints.locate import locate
+
+    picture = sorted((case / "pictures").glob("figurine*.jpg"))[:1]
+    assert not any("never trained" in note for note in locate(picture, tmp_path / "robe", garment="round-collar-robe")["notes"])
+    assert "never trained on a veil-hat" in locate(picture, tmp_path / "hat", garment="veil-hat")["notes"][0]
