@@ -14,10 +14,13 @@ import numpy as np
 
 from mfar_fem.errors import SurfaceError
 from reconstruction.libraries import optional
+from reconstruction.surface.intersections import self_intersections
 from reconstruction.surface.triangles import TriangleMesh
 
 SPACING = 0.02
 """Grid of the figure, m."""
+ATTEMPTS = ((1.0, 0.5), (1.0, 0.9), (0.7, 0.5), (0.7, 0.9), (0.5, 0.9))
+"""What is tried until no triangle meets the cloth: grid, of that spacing, and room besides the clearance, of the grid's."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,8 @@ def fit_body(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing:
     clearance : float
         Distance that has to stay, m.
     spacing : float
-        Of the grid, m; features below it are lost.
+        Of the grid, m; features below it are lost. Where its triangles still meet the cloth between their corners, more room and
+        finer grids are tried (:data:`ATTEMPTS`).
 
     Returns
     -------
@@ -68,10 +72,30 @@ def fit_body(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing:
     Raises
     ------
     SurfaceError
-        The figure is not closed, or nothing of it is left.
+        The figure is not closed, nothing of it is left, or it meets the cloth on the finest grid too.
     """
     if len(body.boundary_edges):
         raise SurfaceError(f"the figure is not closed: {len(body.boundary_edges)} edges have one face only")
+    for finer, room in ATTEMPTS:
+        found = _fitted(body, cloth, clearance, spacing * finer, room)
+        meeting = crossings(found.mesh, cloth)
+        if not meeting:
+            return found
+    raise SurfaceError(f"{meeting} triangles of the figure still meet the cloth on a grid of {1e3 * spacing * finer:.3g} mm")
+
+
+def crossings(first: TriangleMesh, second: TriangleMesh) -> int:
+    """Pairs of triangles of two meshes that pass through each other."""
+    n = len(first.faces)
+    both = TriangleMesh(np.concatenate([first.vertices, second.vertices]),
+                        np.concatenate([first.faces, second.faces + len(first.vertices)]))  # fmt: skip
+    pairs = self_intersections(both)
+    return int(((pairs < n).sum(axis=1) == 1).sum()) if len(pairs) else 0
+
+
+def _fitted(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing: float, room: float) -> FittedBody:
+    """The figure on a grid of one spacing, with some room besides the clearance, in spacings: marching cubes places its vertices by
+    linear interpolation."""
     igl, measure = optional("igl", "fitting a figure needs"), optional("skimage.measure", "fitting a figure needs")
     low, high = body.vertices.min(axis=0) - 2 * spacing, body.vertices.max(axis=0) + 2 * spacing
     axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
@@ -81,8 +105,7 @@ def fit_body(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing:
     near = f < 2 * spacing  # elsewhere the figure is not
     d = np.full(len(points), np.inf)
     d[near] = np.sqrt(igl.point_mesh_squared_distance(points[near], cloth.vertices, cloth.faces)[0])
-    # half a cell more than asked for: marching cubes places its vertices by linear interpolation
-    field = np.maximum(f, clearance + 0.5 * spacing - d).reshape(grid.shape[:3])
+    field = np.maximum(f, clearance + room * spacing - d).reshape(grid.shape[:3])
     inside, before = int((field < 0).sum()), int((f < 0).sum())
     if not inside:
         raise SurfaceError("nothing of the figure is left inside the garment: are both in metres and in one place?")

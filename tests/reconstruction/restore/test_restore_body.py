@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mfar_fem.errors import SurfaceError
-from reconstruction.restore.body import fit_body
+from reconstruction.restore.body import crossings, fit_body
 from reconstruction.surface.triangles import TriangleMesh
 
 igl = pytest.importorskip("igl")
@@ -53,3 +53,15 @@ def test_what_cannot_be_fitted_is_an_error():
         fit_body(open_ball, sheet(0.4), 0.01)
     with pytest.raises(SurfaceError, match="nothing of the figure is left"):
         fit_body(sphere(0.02), sheet(0.0), 0.05)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 0.6, np.pi / 4])
+def test_no_triangle_of_the_figure_meets_the_cloth(angle):
+    """A sheet that ends within the ball, at several angles to the grid."""
+    flat = sheet(0.0, 0.3, 31)
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    cloth = TriangleMesh((flat.vertices + np.array((0.3, 0.0, 0.013))) @ turn.T, flat.faces)
+    ball = sphere(0.2)
+    assert crossings(ball, cloth) > 10
+    fitted = fit_body(ball, cloth, 0.003)
+    assert crossings(fitted.mesh, cloth) == 0 and fitted.distance > 0.003
