@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from mfar_fem.cli.console import check_writable, emit, jsonable, progress
-from reconstruction.measure.vote import DEFAULT_WEIGHTING
+from reconstruction.measure.vote import DEFAULT_WEIGHTING, check_weighting
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 
@@ -46,6 +46,7 @@ variances) or paper (0.5, 0.3, 0.2).")] = DEFAULT_WEIGHTING,
     from reconstruction.matching.settings import MatchSettings
     from reconstruction.measure.stage import measurements
 
+    check_weighting(weighting)
     settings = MatchSettings(detector=detector, weights=None if weights is None else str(weights), estimator=estimator,
                              root_sift=root_sift, threshold=threshold, seed=seed)  # fmt: skip
     light = HighEmphasis(shape=filter_shape, cutoff=cutoff, gamma_low=gamma_low, gamma_high=gamma_high)

@@ -117,20 +117,18 @@ def study_keypoints(
     as_json: Json = False,
 ) -> None:
     """Networks with and without the knowledge graph, over seeds, beside baselines; goes on where it was stopped."""
-    from reconstruction.keypoints.samples_file import garment_boxes, samples_of
+    from reconstruction.keypoints.samples_file import samples_of
     from reconstruction.keypoints.study import run
 
-    samples, boxes = samples_of(data), garment_boxes(data)
+    samples = samples_of(data)
     folder = check_writable(out)
-    known = all(s.image_path in boxes for s in samples)
     names = [name.strip() for name in arms.split(",") if name.strip()]
     settings = _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes,
                          augmentation=_augmentation(augmentation))
     steps = epochs * -(-sum(s.split == "train" for s in samples) // batch) * seeds * len(names)
     with progress("study", total=steps, quiet=as_json) as advance:
         payload = run(samples, folder, arms=names, seeds=seeds, settings=settings, knowledge=_graph(knowledge), blazepose=blazepose,
-                      start_from=start_from,
-                      mask_boxes=(lambda some: [boxes[s.image_path] for s in some]) if known else None, progress=advance)
+                      start_from=start_from, mask_boxes=_mask_boxes(data, samples), progress=advance)
     emit(payload, as_json, _show_study)
 
 
@@ -143,18 +141,24 @@ def study_detector(
 ) -> None:
     """A trained detector on the test pictures of a benchmark: by style, damage and point, beside methods that do not look."""
     from reconstruction.keypoints.predict import Detector
-    from reconstruction.keypoints.samples_file import garment_boxes, samples_of
+    from reconstruction.keypoints.samples_file import samples_of
     from reconstruction.keypoints.score import score
     from reconstruction.matching.graph import write_csv
 
-    samples, boxes, detector = samples_of(data), garment_boxes(data), Detector.load(weights)
+    samples, detector = samples_of(data), Detector.load(weights)
     folder = check_writable(out)
-    known = all(s.image_path in boxes for s in samples)
     with progress("pictures", quiet=as_json) as advance:
-        payload = score(samples, detector, blazepose=blazepose, progress=advance,
-                        mask_boxes=(lambda some: [boxes[s.image_path] for s in some]) if known else None)
+        payload = score(samples, detector, blazepose=blazepose, mask_boxes=_mask_boxes(data, samples), progress=advance)
     write_csv(folder / "detector.csv", payload["rows"])
     emit(payload | {"out": folder, "weights": weights, "trained": detector.notes}, as_json, _show_detector)
+
+
+def _mask_boxes(data: Path, samples):
+    """What gives the boxes of the garments' masks of some samples; None where the benchmark has no masks."""
+    from reconstruction.keypoints.samples_file import garment_boxes
+
+    boxes = garment_boxes(data)
+    return (lambda some: [boxes[s.image_path] for s in some]) if all(s.image_path in boxes for s in samples) else None
 
 
 def _settings(arch, epochs, batch, rate, sigma, weight, precision, threads, max_minutes, **more):

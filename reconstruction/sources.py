@@ -202,13 +202,13 @@ class SourceSet:
             raise SourcesError(f"the box {list(source.box)} of '{source.name}' lies outside the picture of {width} x {height} px",
                                path=self.path, line=source.line)  # fmt: skip
 
-    def load_each(self, use: Callable[[Source, LoadedImage], object] | None = None) -> None:
+    def load_each(self, use: Callable[[Source, LoadedImage, np.ndarray | None], object] | None = None) -> None:
         """Read and check every picture, one at a time in memory.
 
         Parameters
         ----------
         use : callable, optional
-            Called with each source that passed, and its picture.
+            Called with each source that passed, its picture and its mask (see :meth:`mask`).
 
         Raises
         ------
@@ -223,10 +223,10 @@ class SourceSet:
             if (twin := seen.setdefault(image.digest, source)) is not source:
                 raise SourcesError(f"'{source.name}' and '{twin.name}' are the same picture, byte for byte; list it once",
                                    path=self.path, line=source.line)  # fmt: skip
-            self.mask(source, image.size)
+            mask = self.mask(source, image.size)
             self._check_inside(source, image.size)
             if use is not None:
-                use(source, image)
+                use(source, image, mask)
 
 
 def read(folder) -> SourceSet:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mfar_fem.cli.console import check_writable
 from mfar_fem.errors import InputError
 from reconstruction import images as pictures
@@ -75,8 +77,7 @@ def entries_of(paths: Sequence[Path], kind: str = "mural", figure: str | None = 
         found, entries = read(paths[0]), []
         report(0, total=2 * len(found.sources))
 
-        def use(source: Source, image: LoadedImage) -> None:
-            mask = found.mask(source, image.size)
+        def use(source: Source, image: LoadedImage, mask: np.ndarray | None) -> None:
             box = frame(source.kind, image.size, None if mask is None else mask_box(mask), source.box, garment)
             known = {"figure": None if source.figure == "none" else source.figure, "height": source.height, "mask": source.mask,
                      "scale": source.scale_entry()}

@@ -144,7 +144,7 @@ def fuse(folder, out, settings: MatchSettings | None = None, light: HighEmphasis
         raise InputError(f"the output folder '{out}' lies in the folder of the sources, where its pictures would count as sources; "
                          "choose another with --out")  # fmt: skip
     out = check_writable(out)
-    found.load_each(lambda source, image: report(f"read {source.name}"))
+    found.load_each(lambda source, image, mask: report(f"read {source.name}"))
     ready = []
     for number, source in enumerate(found.sources):
         ready.append(_prepare(number, source, out, light, longest))

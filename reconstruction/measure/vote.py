@@ -88,6 +88,12 @@ class Conflict:
         }
 
 
+def check_weighting(name: str) -> None:
+    """:class:`UnknownNameError` if there is no such weighting."""
+    if name not in WEIGHTINGS:
+        raise UnknownNameError(f"unknown weighting '{name}' of the vote{suggest(name, WEIGHTINGS)}")
+
+
 def vote(
     measurements: Iterable[Measurement], z_limit: float = Z_LIMIT, weighting: str = "paper"
 ) -> tuple[dict[str, Vote], list[Conflict]]:
@@ -112,8 +118,7 @@ def vote(
     InputError
         A measurement of an unknown kind, or one that is not finite.
     """
-    if weighting not in WEIGHTINGS:
-        raise UnknownNameError(f"unknown weighting '{weighting}'{suggest(weighting, WEIGHTINGS)}")
+    check_weighting(weighting)
     by_name: dict[str, list[Measurement]] = {}
     for m in measurements:
         if m.kind not in WEIGHTS:

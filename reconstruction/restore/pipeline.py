@@ -14,15 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from mfar_fem.errors import InputError, MfarError, MissingDependencyError, NotConvergedError, UnknownNameError
+from mfar_fem.errors import InputError, MfarError, MissingDependencyError, NotConvergedError
 from mfar_fem.materials.fabric import Fabric, fabric_names
-from mfar_fem.tomlfile import suggest
 from reconstruction import images as pictures
 from reconstruction.keypoints.weights_file import weights_file
 from reconstruction.keypoints_file import read_keypoints
 from reconstruction.landmarks import STATURE
 from reconstruction.measure.silhouette import read_mask
-from reconstruction.measure.vote import WEIGHTINGS
+from reconstruction.measure.vote import check_weighting
 from reconstruction.restore.cache import Stages
 from reconstruction.restore.calibration import check_pictures, check_scale, depth_findings
 from reconstruction.restore.drape import effort, settle, write_scene
@@ -78,8 +77,7 @@ class RestoreSettings:
     def __post_init__(self):
         garment_type(self.garment)
         effort(self.fidelity)
-        if self.vote not in WEIGHTINGS:
-            raise UnknownNameError(f"unknown weighting '{self.vote}' of the vote{suggest(self.vote, WEIGHTINGS)}")
+        check_weighting(self.vote)
         if self.weights != "shipped" and not Path(self.weights).is_file():
             raise InputError(f"there is no detector '{self.weights}'; `mfar train keypoints` makes one")
         if self.surface not in ("template", "poisson"):

@@ -57,6 +57,8 @@ METHODS = {
 }
 """What is compared."""
 DRAPED = "draped"
+MESHED = (DRAPED, "MVS", "Pix2Vex", "Pix2Vex from template")
+"""Methods whose mesh is not a fitted shape."""
 WITHOUT_DETECTOR = ("true points", "MVS", "Pix2Vex")
 """Methods that no detected point enters: their rows stay when the detector changes."""
 RECORD = "made.json"
@@ -171,8 +173,9 @@ def compare(
                 if method == "restored":
                     fitted[:] = [shape]
                 mesh = shape.sewn.mesh(shape.vertices)
-                row["within_2_sigma"] = float(np.mean(mesh_distance(shape.vertices, truth) <= 2 * shape.sigma))
             seconds = time.perf_counter() - begin
+            if method not in (*surfaces, *MESHED):
+                row["within_2_sigma"] = float(np.mean(mesh_distance(shape.vertices, truth) <= 2 * shape.sigma))
             row |= distances(mesh, truth) | {"faces": len(mesh.faces), "seconds": seconds, "why": ""}
             if written is not None:
                 replace_file(written, mesh.write)

@@ -81,7 +81,8 @@ def test_keypoints_in_the_output_become_measurements_votes_and_conflicts(folder,
 
 def test_wrong_options_are_errors(folder, tmp_path):
     call("fuse", folder, "--template")
-    wrong = {("--detector", "orb"): "sift, aliked", ("--cutoff", "0"): "cutoff", ("--detector", "aliked"): "weights"}
+    wrong = {("--detector", "orb"): "sift, aliked", ("--cutoff", "0"): "cutoff", ("--detector", "aliked"): "weights",
+             ("--vote", "loud"): "precision"}  # fmt: skip
     for options, says in wrong.items():
         with pytest.raises(InputError, match=says):
             call("fuse", folder, "--out", tmp_path / "out", *options)

@@ -56,7 +56,7 @@ def test_a_folder_is_read_with_everything_that_is_known(folder):
     assert b.metres_per_pixel == pytest.approx(1e-4) and b.stature is None and a.height is None
     assert np.array_equal(b.camera, np.diag([0.5, 0.5, 1]) @ np.eye(3, 4))
     ticks = []
-    found.load_each(lambda source, image: ticks.append(source))
+    found.load_each(lambda source, image, mask: ticks.append(source))
     assert ticks == [a, b]
     assert sources.read(folder / "sources.toml").sources[0].name == "a.png"
     assert a.facts()["licence"] == "CC0"
@@ -182,8 +182,7 @@ def test_a_mask_is_listed_by_its_picture_and_must_have_its_size(folder):
     transparent[10:40, 20:50, 3] = 255  # cut out in a drawing program: black on nothing
     Image.fromarray(transparent).save(folder / "m.png")
     seen = {}
-    again = sources.read(folder)
-    again.load_each(lambda source, image: seen.update({source.name: again.mask(source, image.size)}))
+    sources.read(folder).load_each(lambda source, image, mask: seen.update({source.name: mask}))
     assert seen["a.png"].sum() == 900 and seen["b.png"] is None
     rewrite(folder, 'mask = "m.png"', 'mask = "n.png"')
     with pytest.raises(DataFileError, match=r"no mask 'n\.png'"):
