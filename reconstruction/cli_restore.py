@@ -154,17 +154,14 @@ def _show_study(payload: Mapping[str, Any]) -> list[Any]:
     for r in payload["summary"]:
         if (table := tables.get(r["garment"])) is None:
             table = tables[r["garment"]] = Table(title=f"{r['garment']}: distance from the true surface, mm (95 % over garments)")
-            distances = ("both ways", "worse than restored by", "pairs", "off", "missing", "rims")
-            for column in ("method", "n of N", *distances, "faces", "s"):
-                table.add_column(column, justify="left" if column == "method" else "right")
-        count = f"{r['n']} of {r['cases']}"
+            for column in ("method", "n", "both ways", "worse than restored", "s"):  # the others are in summary.csv
+                table.add_column(column, justify="left" if column == "method" else "right", no_wrap=column == "method")
+        count = f"{r['n']}/{r['cases']}"
         if "mean" not in r:
-            table.add_row(r["method"], count, *["-"] * 8)
+            table.add_row(r["method"], count, "-", "-", "-")
             continue
-        worse, pairs = (words(r, "worse_by", "+"), str(r["paired"])) if "worse_by" in r else ("", "")
-        forms = {"off_mean": ".1f", "missing_mean": ".1f", "rim_mean": ".1f", "faces": ".0f", "seconds": ".0f"}
-        rest = ("-" if r[key] is None else f"{r[key]:{form}}" for key, form in forms.items())
-        table.add_row(r["method"], count, words(r, "mean"), worse, pairs, *rest)
+        worse = words(r, "worse_by", "+") if "worse_by" in r else ""
+        table.add_row(r["method"], count, words(r, "mean"), worse, f"{r['seconds']:.0f}")
     notes = ["(-): no interval over fewer than three garments."]
     if any(r["n"] < r["cases"] for r in payload["summary"]):
         notes.append("A mean over fewer garments is of other garments: compare by the paired differences.")

@@ -80,7 +80,7 @@ def test_the_table_says_of_how_many_garments_a_mean_is():
     rows = [row(s, m, 10.0 * s) for s, m in ((1, "restored"), (2, "restored"), (3, "restored"), (1, "MVS"))]
     text = shown(cli_restore._show_study({"summary": study.summary([*rows, row(2, "MVS", 0.0, "x")]), "out": "out"}))
     line = next(line for line in text.splitlines() if "MVS" in line)
-    assert "1 of 3" in line and "10.0 (-)" in line and "+0.0 (-)" in line and "compare by the paired differences" in text
+    assert "1/3" in line and "10.0 (-)" in line and "+0.0 (-)" in line and "compare by the paired differences" in text
 
 
 @pytest.fixture
