@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mfar_fem.errors import InputError
@@ -34,6 +34,7 @@ def space(**half):
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.17, 0.24), st.floats(0.1, 0.25), st.floats(0.36, 0.54), st.floats(0.3, 0.9), st.floats(0.3, 2.0),
        st.floats(1.0, 1.3))  # fmt: skip
+@example(0.1875, 0.25, 0.388671875, 0.5, 1.3125, 1.0)
 def test_a_hat_is_one_oriented_surface_with_the_area_of_its_panels(crown, height, brim, veil, gap, gathering):
     d = HatDimensions(crown, height, brim, veil, gap, gathering)
     sewn = sew_hat(d, 0.025)
@@ -47,7 +48,8 @@ def test_a_hat_is_one_oriented_surface_with_the_area_of_its_panels(crown, height
     assert found[1] == pytest.approx(np.pi * (q**2 - r**2), rel=0.02)
     columns = sewn.uv[sewn.openings["hem"], 0] / q
     assert found[2] == pytest.approx(gathering * q * np.ptp(columns) * veil, rel=1e-9)
-    assert abs(np.ptp(columns) - (2 * np.pi - gap)) < 2 * 0.025 / q
+    step = np.diff(np.sort(columns)).max()  # whole columns: a little more or less than the edge asked for
+    assert abs(step * q / 0.025 - 1) < 0.1 and abs(np.ptp(columns) - (2 * np.pi - gap)) < 2 * step
     outer = np.einsum("fi,fi->f", mesh.face_normals, x[sewn.faces].mean(axis=1) - (0, 0, -0.5))
     assert (outer[sewn.panel != VEIL] > 0).all()
     side = np.einsum("fi,fi->f", mesh.face_normals[:, :2], x[sewn.faces].mean(axis=1)[:, :2])
