@@ -60,6 +60,7 @@ def simulation_mesh(
         actions.append(
             f"{loose.before} pairs of triangles passed through each other, {loose.after} do after smoothing around them; "
             f"vertices moved {1e3 * loose.moved:.3g} mm at most"
+            + (f"; {loose.spanned} vertices lost their folds, which had passed through each other" if loose.spanned else "")
         )
     if loose.after:
         raise SurfaceError(

@@ -55,6 +55,59 @@ def test_crossing_sheets_are_drawn_apart_and_only_there():
     assert moved[front[0]] and moved.mean() < 0.2
 
 
+def sheet_with_a_loop():
+    """A band along x whose middle turns once over through itself, of edges 20 mm; its profile (n, 2), vertices across."""
+    turn = np.linspace(0, 2 * np.pi, 60)
+    loop = np.stack([0.18 * np.sin(turn) + 0.02 * turn, 0.18 * (1 - np.cos(turn))], axis=1)
+    ahead = 0.02 * np.arange(1, 60)
+    line = np.concatenate([np.stack([-ahead[::-1], 0 * ahead], axis=1), loop, np.stack([loop[-1, 0] + ahead, 0 * ahead], axis=1)])
+    n, m = len(line), 12
+    x = np.stack([np.repeat(line[:, 0], m), np.tile(0.02 * np.arange(m), n), np.repeat(line[:, 1], m)], axis=1)
+    a = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
+    return TriangleMesh(x, np.concatenate([np.stack([a, a + m, a + 1], 1), np.stack([a + 1, a + m, a + m + 1], 1)])), line, m
+
+
+def test_a_fold_that_has_passed_through_itself_is_spanned_anew():
+    mesh, line, m = sheet_with_a_loop()
+    assert len(self_intersections(mesh)) > 0
+    loose = untangle(mesh)
+    assert loose.after == 0 and loose.spanned > 0
+    after = TriangleMesh(loose.vertices, mesh.faces)
+    assert len(self_intersections(after)) == 0
+    assert after.areas.min() > 0.1 * mesh.areas.min()
+    moved = np.linalg.norm(loose.vertices - mesh.vertices, axis=1)
+    far = np.repeat(np.abs(line[:, 0] - 0.06) > 0.7, m)
+    assert far.sum() > 100 and moved[far].max() == 0.0  # the ends stay
+    assert moved.max() == loose.moved < 0.6  # and nothing leaves the place of the loop
+
+
+def test_a_corner_of_one_triangle_keeps_its_area():
+    """Smoothed along the rim alone it would come to lie on the edge across it."""
+    mesh, line, m = sheet_with_a_loop()
+    top = (len(line) // 2) * m  # on the rim, where the loop is
+    a, b, apex = top, top + m, len(mesh.vertices)
+    tip = 0.5 * (mesh.vertices[a] + mesh.vertices[b]) + (0.0, -0.02, 0.0)
+    eared = TriangleMesh(np.vstack([mesh.vertices, tip]), np.vstack([mesh.faces, [a, apex, b]]))
+    loose = untangle(eared)
+    after = TriangleMesh(loose.vertices, eared.faces)
+    assert loose.after == 0 and np.linalg.norm(loose.vertices[apex] - tip) > 0.01
+    assert after.areas[-1] > 0.2 * eared.areas[-1]
+
+
+def test_a_free_edge_within_a_tangled_region_stays_where_it_was():
+    mesh, _, _ = sheet_with_a_loop()
+    low = mesh.vertices[mesh.faces].mean(axis=1)
+    hole = (np.hypot(low[:, 0] - 0.06, low[:, 2] - 0.36) < 0.035) & (np.abs(low[:, 1] - 0.11) < 0.05)  # at the top of the loop
+    faces = mesh.faces[~hole]
+    used = np.unique(faces)
+    back = np.full(len(mesh.vertices), -1)
+    back[used] = np.arange(len(used))
+    cut = TriangleMesh(mesh.vertices[used], back[faces])
+    assert 2 < hole.sum() < 60
+    loose = untangle(cut)
+    assert loose.spanned > 0 and np.isfinite(loose.vertices).all() and loose.moved < 0.6
+
+
 def test_what_cannot_be_untangled_is_named(monkeypatch):
     known = stored()
     flat = known["vertices"].copy()
