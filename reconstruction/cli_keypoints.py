@@ -91,7 +91,7 @@ identities of the seen types train too (repeatable).")] = None,
         result = train(training, validation, folder, settings, knowledge=_graph(knowledge), start_from=start_from, resume=resume,
                        progress=advance)
     payload = {"out": folder, "reason": result.reason, "epochs": len(result.history), "best_epoch": result.best_epoch + 1,
-               "seconds": sum(row["seconds"] for row in result.history), **finish(folder, validation, test)}
+               "seconds": sum(row["seconds"] for row in result.history), **finish(folder, validation, test, training=training)}
     emit(payload, as_json, _show_training)
 
 

@@ -17,7 +17,7 @@ from reconstruction.keypoints.baselines import mask_box
 from reconstruction.keypoints.framing import frame
 from reconstruction.keypoints.weights_file import SHIPPED
 from reconstruction.keypoints_file import ImageKeypoints, KeypointsFile, write_keypoints
-from reconstruction.landmarks import KINDS, LANDMARKS, STATURE
+from reconstruction.landmarks import KINDS, LANDMARKS, STATURE, points_of
 from reconstruction.sources import Source, read
 from reconstruction.template.dimensions import garment_type
 
@@ -125,7 +125,7 @@ def locate(
     flip : bool
         Look at the mirrored picture too.
     garment : str, optional
-        Type, for the file.
+        Type, for the file; of a type that the detector knows, points have to agree with known postures.
     progress : callable, optional
         ``progress(1)`` after each picture that was read or looked at, ``progress(0, total=2 n)`` at the start.
 
@@ -144,14 +144,16 @@ def locate(
     detector.flip = flip
     folder = check_writable(folder)
     loaded = [e.image for e in entries]
-    p = detector.predict([i.rgb for i in loaded], [e.box for e in entries], batch_size=4, keep_heatmaps=True, progress=progress)
+    there = None if garment is None or _unseen(detector, garment) else [points_of(garment)] * len(entries)
+    p = detector.predict([i.rgb for i in loaded], [e.box for e in entries], present=there, batch_size=4, keep_heatmaps=True,
+                         progress=progress)  # fmt: skip
     present, sigma = p.present >= least, p.deviations()
     found = [
         ImageKeypoints.of(e.path, e.kind, p.points[i], confidence=p.confidence[i], present=present[i], sigma=sigma[i],
                           size=e.image.size, **e.known)
         for i, e in enumerate(entries)
     ]
-    notes = _notes(found, detector, garment)
+    notes = _notes(found, detector, garment, p.moved)
     write_keypoints(folder / FILE, KeypointsFile(tuple(found), garment, notes))
     names = [e.path.name for e in entries]
     save_predictions([i.rgb for i in loaded], p, folder / "predictions.png", names)
@@ -168,13 +170,24 @@ def locate(
     }
 
 
-def _notes(found: Sequence[ImageKeypoints], detector: Detector, garment: str | None) -> tuple[str, ...]:
-    """What makes points doubtful: a type that the detector was never trained on, pictures framed otherwise than in training."""
-    notes = []
+def _unseen(detector: Detector, garment: str | None) -> bool:
+    """Whether it is known that a detector was never trained on a type."""
     seen = detector.notes.get("types")
-    if garment is not None and seen and garment not in seen:
-        notes.append(f"the detector was never trained on a {garment} (only on {', '.join(seen)}): check its points, or set them by "
-                     f"hand in {FILE}")
+    return bool(garment is not None and seen and garment not in seen)
+
+
+def _notes(found: Sequence[ImageKeypoints], detector: Detector, garment: str | None, moved) -> tuple[str, ...]:
+    """What makes points doubtful: a type that the detector was never trained on, points that no training figure has there, pictures
+    framed otherwise than in training."""
+    notes = []
+    if _unseen(detector, garment):
+        notes.append(f"the detector was never trained on a {garment} (only on {', '.join(detector.notes['types'])}): check its "
+                     f"points, or set them by hand in {FILE}")
+    if moved is not None and moved.any():
+        listed = ", ".join(f"{found[i].name} {LANDMARKS[k]}" for i, k in np.argwhere(moved & [i.present for i in found]))
+        if listed:
+            notes.append("points whose highest peak no figure of the training has there were put where known postures or a lower "
+                         f"peak have them, check them: {listed}")
     means = {i.name: float(i.confidence[i.present].mean()) for i in found if i.present.any()}
     unsure = {name: mean for name, mean in means.items() if mean < UNSURE}
     if unsure:

@@ -16,6 +16,7 @@ from reconstruction.keypoints.data import Sample
 from reconstruction.keypoints.evaluate import WITHIN
 from reconstruction.keypoints.heatmaps import Peak, decode, peaks, to_input
 from reconstruction.keypoints.hrnet import Architecture, HRNet, channels_last
+from reconstruction.keypoints.postures import Postures
 from reconstruction.keypoints.weights_file import SHIPPED, SHIPPED_FILE
 from reconstruction.landmarks import LANDMARKS, MIRROR
 from reconstruction.torch_library import torch
@@ -70,6 +71,8 @@ class Predictions:
     matrices : numpy.ndarray, shape (n, 2, 3)
         From image to input pixels.
     heatmaps : numpy.ndarray, shape (n, 12, 64, 48), or None
+    moved : numpy.ndarray of bool, shape (n, 12)
+        Points that are not at their highest peak, because known postures speak against it.
     """
 
     points: np.ndarray
@@ -79,6 +82,7 @@ class Predictions:
     within: float | None
     matrices: np.ndarray
     heatmaps: np.ndarray | None = None
+    moved: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -87,7 +91,7 @@ class Predictions:
         """Some of the images."""
         maps = None if self.heatmaps is None else self.heatmaps[rows]
         return Predictions(self.points[rows], self.confidence[rows], self.present[rows], self.score[rows], self.within,
-                           self.matrices[rows], maps)
+                           self.matrices[rows], maps, None if self.moved is None else self.moved[rows])
 
     @property
     def scale(self) -> np.ndarray:
@@ -131,6 +135,8 @@ class Detector:
         Also look at the mirrored image and average: twice the time.
     notes : dict
         Where the weights come from; kept in the file.
+    postures : Postures, optional
+        Of the training pictures: points have to agree with them (:mod:`reconstruction.keypoints.postures`).
     """
 
     model: HRNet
@@ -139,6 +145,7 @@ class Detector:
     calibration: Calibration | None = None
     flip: bool = False
     notes: dict[str, Any] = field(default_factory=dict)
+    postures: Postures | None = None
 
     def __post_init__(self):
         if self.model.arch.joints != len(LANDMARKS):
@@ -171,7 +178,9 @@ class Detector:
         model = HRNet(Architecture.from_dict(state["arch"]))
         model.load_state_dict({k: v.float() if v.is_floating_point() else v for k, v in state["state"].items()})
         calibration = None if state["calibration"] is None else Calibration.from_dict(state["calibration"])
-        return cls(channels_last(model), state["sigma"], state["margin"], calibration, state["flip"], state["notes"])
+        known = state.get("postures")
+        postures = None if known is None else Postures.from_dict({k: v.numpy() for k, v in known.items()})
+        return cls(channels_last(model), state["sigma"], state["margin"], calibration, state["flip"], state["notes"], postures)
 
     def save(self, path: str | Path) -> None:
         """Write the detector: convolutions as 16-bit numbers, the rest as they are; atomically."""
@@ -182,6 +191,7 @@ class Detector:
             "format": FORMAT, "arch": self.model.arch.to_dict(), "state": state,
             "sigma": float(self.sigma), "margin": float(self.margin),
             "calibration": None if self.calibration is None else asdict(self.calibration), "flip": self.flip, "notes": self.notes,
+            "postures": None if self.postures is None else {k: torch.from_numpy(v) for k, v in self.postures.to_dict().items()},
         }, Path(path))
 
     @torch.no_grad()
@@ -199,6 +209,7 @@ class Detector:
         images: Sequence[str | Path | np.ndarray],
         boxes: Sequence[tuple[float, float, float, float] | None] | None = None,
         *,
+        present: Sequence[Sequence[bool]] | np.ndarray | None = None,
         batch_size: int = 16,
         keep_heatmaps: bool = False,
         progress: Callable[..., None] | None = None,
@@ -210,6 +221,9 @@ class Detector:
         images : sequence of paths or arrays (h, w, 3) of red, green, blue bytes
         boxes : sequence of (x0, y0, x1, y1) or None, optional
             Of the figures, image pixels; whole images without.
+        present : (n, 12) bool array, optional
+            Points that each garment has (:func:`reconstruction.landmarks.points_of` its type): they have to agree with known
+            postures. Without it every point is where its heat map is highest.
         batch_size : int
         keep_heatmaps : bool
             For :meth:`Predictions.alternatives` and pictures.
@@ -219,7 +233,10 @@ class Detector:
         boxes = boxes if boxes is not None else [None] * len(images)
         if len(boxes) != len(images):
             raise ParameterError(f"{len(boxes)} boxes for {len(images)} images; give one for each (None for a whole image)")
-        points, scores, matrices, kept = [], [], [], []
+        there = None if present is None else np.asarray(present, dtype=bool)
+        if there is not None and there.shape != (len(images), len(LANDMARKS)):
+            raise ParameterError(f"present has shape {there.shape}; it must be {(len(images), len(LANDMARKS))}")
+        points, scores, matrices, kept, moved = [], [], [], [], []
         for start in range(0, len(images), batch_size):
             crops, maps_to = [], []
             for item, box in zip(images[start : start + batch_size], boxes[start : start + batch_size], strict=True):
@@ -229,7 +246,13 @@ class Detector:
                 maps_to.append(matrix)
             maps = self.heatmaps(normalise(np.stack(crops)))
             found, score = decode(maps, sigma=self.sigma)
-            points += [apply(invert(m), to_input(p)) for m, p in zip(maps_to, found, strict=True)]
+            found = to_input(found)
+            other = np.zeros(score.shape, dtype=bool)
+            if self.postures is not None and there is not None:
+                for i in range(len(found)):
+                    found[i], score[i], other[i] = self.postures.settle(found[i], score[i], maps[i], there[start + i])
+            moved.append(other)
+            points += [apply(invert(m), p) for m, p in zip(maps_to, found, strict=True)]
             scores.append(score)
             matrices += maps_to
             if keep_heatmaps:
@@ -242,11 +265,13 @@ class Detector:
             np.array(points).reshape(-1, len(LANDMARKS), 2), raw if c is None else c.confidence(score),
             raw if c is None else c.present(score), score, None if c is None else c.within, np.array(matrices).reshape(-1, 2, 3),
             np.concatenate(kept) if kept else None,
+            np.concatenate(moved) if moved else np.zeros((0, len(LANDMARKS)), dtype=bool),
         )
 
     def predict_samples(self, samples: Sequence[Sample], **options) -> Predictions:
-        """:meth:`predict` for samples, with their boxes."""
-        return self.predict([s.image_path for s in samples], [s.box for s in samples], **options)
+        """:meth:`predict` for samples, with their boxes and the points that their garments have."""
+        there = np.array([s.present for s in samples]).reshape(-1, len(LANDMARKS))
+        return self.predict([s.image_path for s in samples], [s.box for s in samples], present=there, **options)
 
     def calibrate(self, samples: Sequence[Sample], within: float = WITHIN, predictions: Predictions | None = None) -> Calibration:
         """Fit and keep the calibration on samples that the network was not trained on.

@@ -14,13 +14,15 @@ from reconstruction.keypoints.crops import read_image
 from reconstruction.keypoints.data import Sample
 from reconstruction.keypoints.evaluate import WITHIN, errors, table
 from reconstruction.keypoints.plots import save_heatmaps, save_predictions, save_reliability
+from reconstruction.keypoints.postures import Postures
 from reconstruction.keypoints.predict import Detector, outcomes
 from reconstruction.keypoints.train import BEST
 
 DETECTOR = "detector.pt"
 
 
-def finish(folder: str | Path, validation: Sequence[Sample], test: Sequence[Sample], replicates: int = 1000) -> dict[str, Any]:
+def finish(folder: str | Path, validation: Sequence[Sample], test: Sequence[Sample], replicates: int = 1000,
+           training: Sequence[Sample] = ()) -> dict[str, Any]:  # fmt: skip
     """Calibrate the best network of a run and judge it.
 
     Parameters
@@ -30,6 +32,8 @@ def finish(folder: str | Path, validation: Sequence[Sample], test: Sequence[Samp
         ``heatmaps.png``.
     validation, test : sequence of Sample
         For the calibration; for everything that is reported.
+    training : sequence of Sample
+        Whose postures the detector keeps (:mod:`reconstruction.keypoints.postures`); none: points are decoded one by one.
 
     Returns
     -------
@@ -39,6 +43,8 @@ def finish(folder: str | Path, validation: Sequence[Sample], test: Sequence[Samp
     """
     folder = Path(folder)
     detector = Detector.load(folder / BEST)
+    if training:
+        detector.postures = Postures.of(training, detector.margin)
     detector.calibrate(validation)
     detector.notes = {"trained_by": "mfar train keypoints", "validation_images": len(validation)}
     detector.save(folder / DETECTOR)
