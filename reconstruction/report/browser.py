@@ -138,14 +138,14 @@ def _look(browser, address: str, folder: Path | None) -> Seen:
                 page.pdf(path=str(folder / "print.pdf"), format="A4", print_background=True)
         if folder is not None:
             page.evaluate("scrollTo(0, 0)")
-            page.screenshot(path=str(folder / f"page-{width}.png"), full_page=True)
+            _whole_page(page, folder / f"page-{width}.png")
         context.close()
     desk = {"width": 1280, "height": 900}
     context = browser.new_context(viewport=desk, offline=True, reduced_motion="reduce", color_scheme="dark")
     page = _open(context, address, errors, requests)
     offers = page.locator(".turn").is_visible()
     if folder is not None:
-        page.screenshot(path=str(folder / "page-dark.png"), full_page=True)
+        _whole_page(page, folder / "page-dark.png")
     context.close()
     context = browser.new_context(offline=True)
     context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
@@ -155,6 +155,23 @@ def _look(browser, address: str, folder: Path | None) -> Seen:
     parts = {name: values.get(name, 0.0) for name in ("drawn", "dragged", "keyed", "switched", "touched", "restored")}
     return Seen(tuple(errors), tuple(requests), live, **parts, moves_by_itself=offers or not offers_here, overflow=overflow,
                 without_alt=without, headings=headings, fallback=fallback)  # fmt: skip
+
+
+def _whole_page(page, path: Path, most: int = 4000) -> None:
+    """A picture of a page put together from pieces: beyond 8192 pixels a browser without a graphics card repeats itself."""
+    from PIL import Image
+
+    width, height = page.evaluate("() => [document.documentElement.clientWidth, document.documentElement.scrollHeight]")
+    whole = Image.new("RGB", (width, height))
+    before = page.viewport_size
+    page.set_viewport_size({"width": width, "height": min(most, height)})
+    for top in range(0, height, most):
+        start = max(0, min(top, height - most))
+        page.evaluate("y => scrollTo(0, y)", start)
+        piece = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+        whole.paste(piece, (0, start))
+    page.set_viewport_size(before)
+    whole.save(path)
 
 
 def _open(context, address: str, errors: list[str], requests: list[str]):
