@@ -157,20 +157,17 @@ def _look(browser, address: str, folder: Path | None) -> Seen:
                 without_alt=without, headings=headings, fallback=fallback)  # fmt: skip
 
 
-def _whole_page(page, path: Path, most: int = 4000) -> None:
-    """A picture of a page put together from pieces: beyond 8192 pixels a browser without a graphics card repeats itself."""
+def _whole_page(page, path: Path) -> None:
+    """A picture of a page put together from its screens: beyond 8192 pixels a browser without a graphics card repeats itself."""
     from PIL import Image
 
-    width, height = page.evaluate("() => [document.documentElement.clientWidth, document.documentElement.scrollHeight]")
+    width, height, screen = page.evaluate("() => {const d = document.documentElement; return [d.clientWidth, d.scrollHeight, "
+                                          "d.clientHeight]}")  # fmt: skip
     whole = Image.new("RGB", (width, height))
-    before = page.viewport_size
-    page.set_viewport_size({"width": width, "height": min(most, height)})
-    for top in range(0, height, most):
-        start = max(0, min(top, height - most))
+    for top in range(0, height, screen):
+        start = max(0, min(top, height - screen))
         page.evaluate("y => scrollTo(0, y)", start)
-        piece = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-        whole.paste(piece, (0, start))
-    page.set_viewport_size(before)
+        whole.paste(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), (0, start))
     whole.save(path)
 
 
