@@ -119,6 +119,11 @@ def test_rows_of_table_2_say_what_their_seconds_are_of(study):
     assert times_of(rows)["MFAR: keypoints, template and fit of the shape; no drape"] == (pytest.approx(13.5), None)
     short = [{k: v for k, v in r.items() if k != "keypoints_s"} for r in rows]
     assert times_of(short)["MFAR: fit of the shape alone; no keypoints, template, drape"] == (pytest.approx(10.0), None)
+    base = [r for r in rows if r["method"] == "restored" and not r["why"]]
+    settled = [r | {"method": "draped", "seconds": 40.0 + i} for i, r in enumerate(base)]
+    whole = times_of([*rows, *settled])["MFAR: keypoints, template and fit of the shape; drape at standard"]
+    assert whole == (pytest.approx(13.5), pytest.approx(40.0 + 0.5 * (len(base) - 1)))
+    assert times_of([*rows, *settled[1:]]) == times_of(rows)  # of all or of none
 
 
 def test_the_report_and_the_form(study, capsys):
