@@ -19,7 +19,7 @@ from reconstruction.surface.triangles import TriangleMesh
 
 SPACING = 0.02
 """Grid of the figure, m."""
-ATTEMPTS = ((1.0, 0.1), (1.0, 0.25), (0.5, 0.3), (1.0, 0.5), (1.0, 0.9), (0.7, 0.5), (0.7, 0.9), (0.5, 0.9))
+ATTEMPTS = ((1.0, 0.1), (1.0, 0.25), (1.0, 0.5), (1.0, 0.9), (0.7, 0.5), (0.7, 0.9), (0.5, 0.9))
 """What is tried until no triangle meets the cloth: grid, of that spacing, and room besides the clearance, of the grid's. Cloth
 falls by the room that it is given: as little as will do comes first."""
 LEAST = 0.1
