@@ -35,7 +35,6 @@ def untangle(mesh: TriangleMesh, rounds: int = 40, rings: int = 1, regions: int 
     """
     n = len(mesh.vertices)
     links, ring = _graphs(mesh)
-    corners = _corners(mesh)
     average = links.multiply(1.0 / np.maximum(np.asarray(links.sum(axis=1)), 1.0)).tocsr()
     x = mesh.vertices.copy()
     pairs = self_intersections(mesh)
@@ -49,9 +48,8 @@ def untangle(mesh: TriangleMesh, rounds: int = 40, rings: int = 1, regions: int 
         move = chosen > 0
         for _ in range(3):
             x[move] = 0.5 * x[move] + 0.5 * (average @ x)[move]
-        _put_corners(x, corners, move)
         pairs = self_intersections(TriangleMesh(x, mesh.faces))
-    region = np.zeros(n)
+    region, corners = np.zeros(n), _corners(mesh)
     laplacian = (diags(np.asarray(links.sum(axis=1)).ravel()) - links).tocsr()
     for k in range(regions):
         if not len(pairs):
@@ -83,7 +81,7 @@ def _graphs(mesh: TriangleMesh) -> tuple[csr_matrix, csr_matrix]:
 def _corners(mesh: TriangleMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices of one triangle only (k,), the edge across it and the vertex behind that edge (k, 3), their height over the edge.
 
-    Smoothed along the rim they would end on that edge, and their triangle without area.
+    Spanned along the rim they would end on that edge, and their triangle without area.
     """
     faces = mesh.faces
     alone = np.bincount(faces.ravel(), minlength=len(mesh.vertices)) == 1
