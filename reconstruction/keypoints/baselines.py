@@ -26,9 +26,9 @@ def _masked_mean(points: np.ndarray, present: np.ndarray) -> np.ndarray:
     return mean
 
 
-def sample_matrix(sample: Sample) -> np.ndarray:
-    """Map from image to input pixels of a sample, as the network sees it."""
-    return crop_matrix(sample.box if sample.box else image_box(read_image(sample.image_path).shape), 0.0)
+def sample_matrix(sample: Sample, margin: float = 0.0) -> np.ndarray:
+    """Map from image to input pixels of a sample, as a network with this margin sees it."""
+    return crop_matrix(sample.box if sample.box else image_box(read_image(sample.image_path).shape), margin)
 
 
 def mean_pose(training: Sequence[Sample], samples: Sequence[Sample]) -> np.ndarray:

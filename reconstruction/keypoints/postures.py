@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.keypoints.crops import apply, crop_matrix, image_box, read_image
+from reconstruction.keypoints.baselines import sample_matrix
+from reconstruction.keypoints.crops import apply
 from reconstruction.keypoints.data import Sample
 from reconstruction.keypoints.heatmaps import peaks, to_input
 from reconstruction.landmarks import LANDMARKS
@@ -61,8 +62,7 @@ class Postures:
         """Those of samples, as a detector with this margin sees them."""
         points = np.zeros((len(samples), len(LANDMARKS), 2), dtype=np.float32)
         for row, s in zip(points, samples, strict=True):
-            box = s.box if s.box else image_box(read_image(s.image_path).shape)
-            row[s.present] = apply(crop_matrix(box, margin), s.keypoints[s.present])
+            row[s.present] = apply(sample_matrix(s, margin), s.keypoints[s.present])
         return cls(points, np.array([s.present for s in samples], dtype=bool).reshape(-1, len(LANDMARKS)))
 
     def to_dict(self) -> dict[str, Any]:

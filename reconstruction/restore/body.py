@@ -79,8 +79,11 @@ def fit_body(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing:
     """
     if len(body.boundary_edges):
         raise SurfaceError(f"the figure is not closed: {len(body.boundary_edges)} edges have one face only")
+    grids: dict[float, _Grid] = {}
     for finer, room in ATTEMPTS:
-        found = _fitted(body, cloth, clearance, spacing * finer, room)
+        if finer not in grids:
+            grids[finer] = _Grid.of(body, cloth, spacing * finer)
+        found = _fitted(grids[finer], body, cloth, clearance + room * spacing * finer)
         meeting = crossings(found.mesh, cloth)
         if not meeting and found.distance >= LEAST * clearance:
             return found
@@ -97,28 +100,43 @@ def crossings(first: TriangleMesh, second: TriangleMesh) -> int:
     return int(((pairs < n).sum(axis=1) == 1).sum()) if len(pairs) else 0
 
 
-def _fitted(body: TriangleMesh, cloth: TriangleMesh, clearance: float, spacing: float, room: float) -> FittedBody:
-    """The figure on a grid of one spacing, with some room besides the clearance, in spacings: marching cubes places its vertices by
-    linear interpolation."""
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Signed distance from a figure and, near it, distance from a cloth (inf elsewhere), (nx, ny, nz) each, m; `low` is the first
+    point."""
+
+    low: np.ndarray
+    spacing: float
+    figure: np.ndarray
+    cloth: np.ndarray
+
+    @classmethod
+    def of(cls, body: TriangleMesh, cloth: TriangleMesh, spacing: float) -> _Grid:
+        igl = optional("igl", "fitting a figure needs")
+        low, high = body.vertices.min(axis=0) - 2 * spacing, body.vertices.max(axis=0) + 2 * spacing
+        axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        points = grid.reshape(-1, 3)
+        f = np.asarray(igl.signed_distance(points, body.vertices, body.faces, _sign(igl))[0])
+        near = f < 2 * spacing  # elsewhere the figure is not
+        d = np.full(len(points), np.inf)
+        d[near] = np.sqrt(igl.point_mesh_squared_distance(points[near], cloth.vertices, cloth.faces)[0])
+        return cls(low, spacing, f.reshape(grid.shape[:3]), d.reshape(grid.shape[:3]))
+
+
+def _fitted(grid: _Grid, body: TriangleMesh, cloth: TriangleMesh, away: float) -> FittedBody:
+    """The figure without what is nearer to the cloth than `away` on a grid: marching cubes places its vertices between the grid's
+    points by linear interpolation."""
     igl, measure = optional("igl", "fitting a figure needs"), optional("skimage.measure", "fitting a figure needs")
-    low, high = body.vertices.min(axis=0) - 2 * spacing, body.vertices.max(axis=0) + 2 * spacing
-    axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    points = grid.reshape(-1, 3)
-    f = np.asarray(igl.signed_distance(points, body.vertices, body.faces, _sign(igl))[0])
-    near = f < 2 * spacing  # elsewhere the figure is not
-    d = np.full(len(points), np.inf)
-    d[near] = np.sqrt(igl.point_mesh_squared_distance(points[near], cloth.vertices, cloth.faces)[0])
-    field = np.maximum(f, clearance + room * spacing - d).reshape(grid.shape[:3])
-    inside, before = int((field < 0).sum()), int((f < 0).sum())
+    field = np.maximum(grid.figure, away - grid.cloth)
+    inside, before = int((field < 0).sum()), int((grid.figure < 0).sum())
     if not inside:
         raise SurfaceError("nothing of the figure is left inside the garment: are both in metres and in one place?")
-    v, t, _, _ = measure.marching_cubes(field, 0.0, spacing=(spacing,) * 3)
-    mesh = TriangleMesh(v + low, np.asarray(t, dtype=np.int64))
-    mesh = _largest_pieces(mesh.outwards())
+    v, t, _, _ = measure.marching_cubes(field, 0.0, spacing=(grid.spacing,) * 3)
+    mesh = _largest_pieces(TriangleMesh(v + grid.low, np.asarray(t, dtype=np.int64)).outwards())
     gap = float(np.sqrt(igl.point_mesh_squared_distance(mesh.vertices, cloth.vertices, cloth.faces)[0]).min())
     depth = np.asarray(igl.signed_distance(mesh.vertices, body.vertices, body.faces, _sign(igl))[0])
-    return FittedBody(mesh, 1.0 - inside / before, float((depth < -spacing).mean()), gap)
+    return FittedBody(mesh, 1.0 - inside / before, float((depth < -grid.spacing).mean()), gap)
 
 
 def _sign(igl):

@@ -33,7 +33,6 @@ def untangle(mesh: TriangleMesh, rounds: int = 40, rings: int = 1, regions: int 
     loses its folds: the region of those triangles becomes the surface that is harmonic between its rims (vertices at the mean of
     their neighbours), larger by a ring or more every time, up to `regions` times.
     """
-    n = len(mesh.vertices)
     links, ring = _graphs(mesh)
     average = links.multiply(1.0 / np.maximum(np.asarray(links.sum(axis=1)), 1.0)).tocsr()
     x = mesh.vertices.copy()
@@ -49,23 +48,32 @@ def untangle(mesh: TriangleMesh, rounds: int = 40, rings: int = 1, regions: int 
         for _ in range(3):
             x[move] = 0.5 * x[move] + 0.5 * (average @ x)[move]
         pairs = self_intersections(TriangleMesh(x, mesh.faces))
-    region, corners = np.zeros(n), _corners(mesh)
+    spanned = 0
+    if len(pairs):
+        pairs, spanned = _span(mesh, x, pairs, links, ring, regions)
+    moved = float(np.linalg.norm(x - mesh.vertices, axis=1).max(initial=0.0))
+    return Untangled(x, before, len(pairs), moved, spanned)
+
+
+def _span(mesh: TriangleMesh, x: np.ndarray, pairs: np.ndarray, links: csr_matrix, ring: csr_matrix,
+          regions: int) -> tuple[np.ndarray, int]:  # fmt: skip
+    """Span growing regions about crossing triangles anew, in `x`; pairs that still cross, and how many vertices were spanned."""
+    region, corners, spanned = np.zeros(len(x)), _corners(mesh), 0
     laplacian = (diags(np.asarray(links.sum(axis=1)).ravel()) - links).tocsr()
     for k in range(regions):
-        if not len(pairs):
-            break
         region = np.minimum(region + _touched(mesh, pairs), 1.0)
         for _ in range(1 + k // 3):
             region = np.minimum(region + ring @ region, 1.0)
+        if region.all():
+            break
         anew = (region > 0) & ~_whole_rims(mesh, region > 0)
         free, fixed = np.flatnonzero(anew), np.flatnonzero(~anew)
-        if not (region == 0).any():
-            break
         x[free] = splu(laplacian[free][:, free].tocsc()).solve(-(laplacian[free][:, fixed] @ x[fixed]))
         _put_corners(x, corners, anew)
-        pairs = self_intersections(TriangleMesh(x, mesh.faces))
-    moved = float(np.linalg.norm(x - mesh.vertices, axis=1).max(initial=0.0))
-    return Untangled(x, before, len(pairs), moved, int(np.count_nonzero(region)))
+        pairs, spanned = self_intersections(TriangleMesh(x, mesh.faces)), len(free)
+        if not len(pairs):
+            break
+    return pairs, spanned
 
 
 def _graphs(mesh: TriangleMesh) -> tuple[csr_matrix, csr_matrix]:
